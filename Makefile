@@ -1,0 +1,49 @@
+# Needs Python 3.10 to 3.13 and make; everything else goes into .venv.
+.DEFAULT_GOAL := help
+.PHONY: help test test-slow test-colcon bench demo lint clean
+SHELL := /bin/bash
+
+# The first Python that is young enough and old enough.
+SYSTEM_PYTHON = $(shell for p in $(PYTHON) python3 python3.13 python3.12 python3.11 python3.10; do \
+	$$p -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' 2>/dev/null && echo $$p && break; done)
+PY := .venv/bin/python
+STAMP := .venv/.installed
+
+help: ## This list
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 14
+
+# With ROS on the machine its rclpy is used, seen through the environment; without, the real one
+# from the package index is installed.
+$(STAMP): setup.py
+	@test -n "$(SYSTEM_PYTHON)" || { echo "error: python3: none from 3.10 to 3.13 found" >&2; exit 2; }
+	@set -e; \
+	if $(SYSTEM_PYTHON) -c 'import rclpy' 2>/dev/null; then extras=dev; flags=--system-site-packages; \
+	else extras=ros,dev; flags=; fi; \
+	test -x $(PY) || $(SYSTEM_PYTHON) -m venv $$flags .venv; \
+	echo "installing into .venv (once, some minutes)"; \
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable ".[$$extras]"
+	@touch $@
+
+test: lint ## Format, lint, types, layers and the tests under a minute each
+	$(PY) -m pytest
+
+lint: $(STAMP)
+	$(PY) -m ruff format --check .
+	$(PY) -m ruff check .
+	$(PY) -m mypy
+
+test-slow: $(STAMP) ## The tests that take longer
+	$(PY) -m pytest -m slow
+
+test-colcon: $(STAMP) ## `colcon build` and `ros2 run` paths, in a temporary environment
+	$(PY) -m pytest -m slow test/unit/test_package_install.py
+
+bench: $(STAMP) ## Timing figures, as ratios within one run
+	@set -e; for file in bench/*.py; do echo "== $$file"; $(PY) $$file; done
+
+demo: $(STAMP) ## A dressed, walking avatar over real ROS 2; pictures and figures in out/demo
+	$(PY) -m garment_sim_ros.cli.main demo --out out/demo $(ARGS)
+
+clean: ## Everything that was made here
+	rm -rf .venv out build install log *.egg-info .*_cache .hypothesis
+	find garment_sim_ros test -name __pycache__ -type d -prune -exec rm -rf {} +

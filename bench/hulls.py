@@ -1,0 +1,374 @@
+"""Convex-hull colliders: the figures of Sun et al. measured, and hulls against capsules.
+
+    python bench/hulls.py [--data DIR] [--parts fig8 queries fits clips contact] [--json]
+
+``fig8``: a model like theirs (508 triangles, mean edge 0.084, hull of 224 faces), simplified at
+several deltas and floors, and its outer map of 96 cells. ``queries``: nanoseconds per point of the
+ways to ask a hull. ``fits``: how fat hulls and capsules are on all bodies. ``clips``: how far the
+posed skin leaves them. ``contact``: cost of a step of the dressed walk with either. Processor time
+of one thread, medians, after one warm-up.
+"""
+
+import argparse
+import json
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+from scipy.spatial import ConvexHull
+
+from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.retargeting import Retargeter
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.body.skinning import Skinner
+from garment_sim_ros.colliders.capsules import fit_capsules
+from garment_sim_ros.colliders.fatness import Union, fatness
+from garment_sim_ros.colliders.hull import Hull, clearance, convex_hull, inflate_vertices
+from garment_sim_ros.colliders.hull_placement import QUADRIC, VOLUME
+from garment_sim_ros.colliders.hull_simplify import Simplification, simplify_hull
+from garment_sim_ros.colliders.hulls import HullSettings, fit_hulls
+from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.colliders.regions import vertex_areas
+from garment_sim_ros.errors import GarmentSimError
+from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.geometry.contact import Contacts, Sides, collide, shape_distance
+from garment_sim_ros.geometry.contact_hull import hull_planes
+from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
+from garment_sim_ros.geometry.hull_location import HullLocator
+from garment_sim_ros.geometry.obb import oriented_box
+from garment_sim_ros.geometry.outer_map import outer_map
+from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.geometry.transforms import invert_transform
+from garment_sim_ros.mocap.clips import load_clip
+from garment_sim_ros.mocap.sampling import sample
+
+BODIES = (
+    "mannequin",
+    "bodies/mh_female_young.glb",
+    "bodies/CesiumMan.glb",
+    "urdf/human_1m65.urdf",
+    "bodies/f_smpl_average_A40.obj",
+    "bodies/m_smpl_average_A40.obj",
+    "bodies/mh_proxy_female1605.obj",
+    "bodies/makehuman/base.obj",
+)
+CLIPS = (
+    "cmu_131_03_hop_spin",
+    "cmu_14_14_jumping_jacks_30fps",
+    "fair_wave_hello",
+    "rokoko_jesse_dance",
+    "deepmimic_walk",
+    "deepmimic_run",
+    "deepmimic_jump",
+    "deepmimic_cartwheel",
+    "deepmimic_spinkick",
+    "deepmimic_dance_a",
+)
+
+
+def median(rounds: int, work: Callable[[], object]) -> float:
+    """Median processor time of `work` [s] after one warm-up."""
+    times = []
+    for _ in range(rounds + 1):
+        begin = time.thread_time()
+        work()
+        times.append(time.thread_time() - begin)
+    return float(np.median(times[1:]))
+
+
+def fig8_model() -> tuple[np.ndarray, np.ndarray]:
+    """A waisted limb: 256 evenly spread directions, radii that swell and shrink along it."""
+    i = np.arange(256) + 0.5
+    polar, turn = np.arccos(1 - 2 * i / 256), np.pi * (1 + 5**0.5) * i
+    ball = np.column_stack(
+        [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)]
+    )
+    triangles = ConvexHull(ball).simplices
+    radius = 1 + 0.2 * np.cos(3.5 * polar) + 0.3 * np.sin(4 * turn) * np.sin(polar)
+    x = ball * [0.5, 0.45, 1.6] * np.column_stack([radius, radius, np.ones(256)])
+    edges = x[triangles] - np.roll(x[triangles], 1, axis=1)
+    return x * 0.084 / np.linalg.norm(edges, axis=-1).mean(), triangles
+
+
+def fig8() -> dict[str, Any]:
+    """Faces against delta, floor and volume; outer map of 96 cells."""
+    x, triangles = fig8_model()
+    hull = convex_hull(x)
+    print(f"model {len(triangles)} triangles, hull {len(hull.faces)} faces (paper: 508, 224)")
+    rows = []
+    for delta in (0.0025, 0.005, 0.01, 0.02):
+        start = inflate_vertices(hull, delta)
+        excess = start.volume / hull.volume - 1
+        print(
+            f"delta {delta}: inflated {len(start.faces)} faces, volume +{100 * excess:.1f} %, "
+            f"clearance min {clearance(start, hull).min() / delta:.2f} delta"
+        )
+        for reach in (1.0, 2.0, 3.0, 5.0, 10.0):
+            for floor in (4, 40, 60, 80, 116):
+                for name, objective in (("quadric", QUADRIC), ("volume", VOLUME)):
+                    how = Simplification(
+                        max_faces=floor, outside=reach * delta, objective=objective
+                    )
+                    result = simplify_hull(start, hull, how)
+                    assert not result.outside(x).any()
+                    rows.append(
+                        {
+                            "delta": delta,
+                            "reach": reach,
+                            "floor": floor,
+                            "placement": name,
+                            "faces": len(result.faces),
+                            "volume_excess": result.volume / hull.volume - 1,
+                            "inflated_volume_excess": excess,
+                            "clearance_mean": clearance(result, hull).mean() / delta,
+                        }
+                    )
+        for name in ("quadric", "volume"):
+            ours = [r for r in rows if r["delta"] == delta and r["placement"] == name]
+            free = [min(r["faces"] for r in ours if r["reach"] == k) for k in (1.0, 2.0, 3.0)]
+            slim = min(r["faces"] for r in ours if r["volume_excess"] <= excess)
+            print(
+                f"  {name}: least faces with reach 1, 2, 3 delta: {free}; "
+                f"not fatter than inflation alone: {slim}"
+            )
+    start = inflate_vertices(hull, 0.005)
+    paper = simplify_hull(start, hull, Simplification(max_faces=116, outside=0.01))
+    box = oriented_box(paper.vertices, paper.faces)
+    tables = {}
+    for around, per_row in ((12, 8), (24, 16), (48, 32)):
+        table = outer_map(
+            box.local(paper.vertices), paper.faces, around=around, rows=per_row, kind="cylinder"
+        )
+        lengths = np.diff(table.start)
+        tables[f"{around}x{per_row}"] = (int(lengths.max()), float(lengths.mean()))
+        print(
+            f"map cylinder {around} x {per_row} of {len(paper.faces)} faces: longest list "
+            f"{lengths.max()}, mean {lengths.mean():.2f} (paper, 12 x 8: 8 and 3)"
+        )
+    return {"curve": rows, "outer_map": tables}
+
+
+@njit(nogil=True)
+def _ask(shapes, posed, points, reach, out):
+    for i in range(points.shape[0]):
+        d, _, _, _ = shape_distance(
+            shapes, posed, 0, points[i, 0], points[i, 1], points[i, 2], reach
+        )
+        out[i] = d
+
+
+@njit(nogil=True, fastmath=True)
+def _all_planes(planes, points, out):
+    for i in range(points.shape[0]):
+        best = np.float32(-1e9)
+        for f in range(planes.shape[1]):
+            h = (
+                planes[0, f] * points[i, 0]
+                + planes[1, f] * points[i, 1]
+                + planes[2, f] * points[i, 2]
+                - planes[3, f]
+            )
+            best = max(best, h)
+        out[i] = best
+
+
+def queries() -> dict[str, Any]:
+    """Nanoseconds per point against the number of faces."""
+    x, _ = fig8_model()
+    hull = convex_hull(x)
+    start = inflate_vertices(hull, 0.005)
+    results = {}
+    for faces in (58, 116, 224, 1000):
+        simple = simplify_hull(start, hull, Simplification(max_faces=faces, outside=0.05))
+        if faces == 1000:
+            way = np.random.default_rng(0).normal(size=(502, 3))
+            half = np.ptp(hull.vertices, axis=0) / 2
+            simple = convex_hull(way / np.linalg.norm(way, axis=1)[:, None] * half)
+        results[len(simple.faces)] = row = query_row(simple)
+        print(
+            f"{len(simple.faces)} faces: " + "; ".join(f"{k} {v:.0f} ns" for k, v in row.items())
+        )
+    return results
+
+
+def query_row(hull: Hull) -> dict[str, float]:
+    """One hull, asked about points within 3 cm of its surface, where cloth is."""
+    vertices = oriented_box(hull.vertices, hull.faces).local(hull.vertices)
+    rng = np.random.default_rng(0)
+    points = rng.uniform(vertices.min(0) - 0.02, vertices.max(0) + 0.02, (400_000, 3))
+    planes = hull_planes(vertices, hull.faces)
+    height = (points @ planes[:, :3].T - planes[:, 3]).max(axis=1)
+    points = points[np.abs(height) < 0.03][:50_000]
+    single = points.astype(np.float32)
+    out = np.empty(len(points), np.float32)
+    geometry = {"vertices": vertices, "faces": hull.faces}
+    colliders = ColliderSet(
+        colliders=(Collider(name="hull", kind="hull", bone="bone", geometry=geometry),)
+    )
+    shapes = pack(colliders)
+    posed = PosedShapes.room_for(shapes)
+    still = ColliderPoses.identity(1)
+    pose(shapes, still, still, np.zeros(3), posed)
+    flat = np.ascontiguousarray(planes.T.astype(np.float32))
+    reach = np.float32(0.002)
+    grid = HullLocator(vertices, hull.faces)
+    tree = HullLocator(vertices, hull.faces, search="kirkpatrick")
+    work = {
+        "face grid (distance and way out)": lambda: _ask(shapes, posed, single, reach, out),
+        "all planes": lambda: _all_planes(flat, single, out),
+        "paper: inside, Kirkpatrick": lambda: tree.inside(points),
+        "paper: inside, planar grid": lambda: grid.inside(points),
+        "paper: response by outer map": lambda: grid.exits(points),
+    }
+    return {name: 1e9 * median(7, ask) / len(points) for name, ask in work.items()}
+
+
+def collider_sets(body: Body) -> dict[str, ColliderSet]:
+    """What is compared."""
+    return {
+        "hull": fit_hulls(body).colliders,
+        "hull, volume": fit_hulls(body, HullSettings(placement="volume")).colliders,
+        "hull, no joints": fit_hulls(body, HullSettings(joints="none")).colliders,
+        "capsule": fit_capsules(body),
+    }
+
+
+def fits(data: Path) -> dict[str, Any]:
+    """Fit time, fatness and skin outside in the bind pose."""
+    results = {}
+    for source in BODIES:
+        body = load_body(source if source == "mannequin" else data / source)
+        T = invert_transform(body.skin.T_bone_bind)
+        seconds = median(3, lambda body=body: fit_hulls(body))  # type: ignore[misc]
+        for name, colliders in collider_sets(body).items():
+            poses = ColliderPoser(colliders, body).poses(T)
+            figures: dict[str, Any] = dict(
+                fatness(colliders, poses, body.skin.vertices, body.skin.triangles)
+            )
+            used = np.unique(body.skin.triangles)
+            distance = Union(colliders, poses).distance(body.skin.vertices[used])
+            figures["skin_outside"] = int((distance > 1e-6).sum())
+            figures["shapes"] = sum(c.kind != "frame" for c in colliders.colliders)
+            results[f"{source}, {name}"] = figures
+            print(f"{Path(source).name}, {name}: {figures}")
+        print(f"{Path(source).name}: hulls fitted in {seconds:.2f} s of processor time")
+    return results
+
+
+def clips(data: Path) -> dict[str, Any]:
+    """How far the posed skin leaves the union, by area over 25 poses of each clip."""
+    results = {}
+    for source in BODIES[:3]:
+        body = load_body(source if source == "mannequin" else data / source)
+        area = vertex_areas(body.skin)
+        skinner = Skinner(body.skin)
+        sets = collider_sets(body)
+        for clip_name in CLIPS:
+            clip = load_clip(data / "mocap" / f"{clip_name}.bvh")
+            try:
+                retargeter = Retargeter(clip.rig, body, reference=clip.source_reference)
+            except GarmentSimError as error:
+                print(f"{clip_name}: {error}")
+                continue
+            for name, colliders in sets.items():
+                poser = ColliderPoser(colliders, body)
+                union = Union(colliders, poser.poses(invert_transform(body.skin.T_bone_bind)))
+                distances = []
+                for t in np.linspace(0.0, clip.duration, 25):
+                    T = retargeter.world_joints(sample(clip, float(t)))
+                    union.move(poser.poses(T))
+                    distances.append(1e3 * union.distance(skinner.vertices(T)))
+                every = np.concatenate(distances)
+                order = np.argsort(every)
+                share = np.cumsum(np.tile(area, 25)[order])
+                p99 = every[order][np.searchsorted(share, 0.99 * share[-1])]
+                out = 1.0 - share[np.searchsorted(every[order], 0.0) - 1] / share[-1]
+                results[f"{source}, {clip_name}, {name}"] = [out, float(p99), float(every.max())]
+                print(
+                    f"{Path(source).name}, {clip_name}, {name}: {100 * out:.1f} % of the skin "
+                    f"outside, p99 {p99:.1f} mm, max {every.max():.1f} mm"
+                )
+    return results
+
+
+def contact() -> dict[str, Any]:
+    """Milliseconds of collision per step: T-shirt and skirt on the walking mannequin."""
+    results = {}
+    body = load_body("mannequin")
+    clip = load_clip("walk")
+    retargeter = Retargeter(clip.rig, body)
+    sets = collider_sets(body)
+    sets["14 hulls and spheres"] = fit_hulls(
+        body, HullSettings(merge=0.012, split=1.0, joints="spheres")
+    ).colliders
+    for faces in (40, 80, 160):
+        sets[f"hull, {faces} faces"] = fit_hulls(body, HullSettings(max_faces=faces)).colliders
+    outfits = load_outfit("tshirt_short_skirt", body).garments
+    for name, colliders in sets.items():
+        poser = ColliderPoser(colliders, body)
+        shapes = pack(colliders)
+        posed = PosedShapes.room_for(shapes)
+        poses = poser.poses(retargeter.world_joints(sample(clip, 0.0)))
+        rest = poser.poses(invert_transform(body.skin.T_bone_bind)).copy()
+        pose(shapes, rest, rest, np.zeros(3), posed)
+        row = {}
+        for garment in outfits:
+            for times in (1, 10):
+                rng = np.random.default_rng(0)
+                x = np.repeat(garment.vertices, times, axis=0)
+                x += rng.normal(0, 0.003 if times > 1 else 0.0, x.shape)
+                start = x.astype(np.float32)
+                work = start.copy()
+                contacts = Contacts.room_for(len(x), len(shapes.kind))
+                sides = Sides.all_under(len(x), len(shapes.kind))
+
+                def step(
+                    shapes=shapes, posed=posed, sides=sides, work=work, start=start, c=contacts
+                ):
+                    work[:] = start
+                    collide(shapes, posed, sides, work, start, 0.002, 0.3, c)
+
+                row[f"{garment.name} x {times}"] = 1e3 * median(30, step)
+        pose_ms = 1e3 * median(
+            30, lambda s=shapes, p=poses, q=posed: pose(s, p, p, np.zeros(3), q)
+        )
+        row["posing"] = pose_ms
+        kinds = [c.kind for c in colliders.colliders]
+        results[name] = row
+        print(
+            f"{name} ({kinds.count('hull')} hulls, {kinds.count('sphere')} spheres, "
+            f"{kinds.count('capsule')} capsules): "
+            + "; ".join(f"{k} {v:.3f} ms" for k, v in row.items())
+        )
+    return results
+
+
+def main() -> None:
+    """Measure what was asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    here = Path(__file__).resolve().parents[1]
+    default = Path(os.environ.get("GARMENT_SIM_DATA") or here.parent / "shared" / "data")
+    parser.add_argument("--data", type=Path, default=default, help="folder of real bodies")
+    parts: dict[str, Callable[[], dict[str, Any]]] = {
+        "fig8": fig8,
+        "queries": queries,
+        "fits": lambda: fits(options.data),
+        "clips": lambda: clips(options.data),
+        "contact": contact,
+    }
+    parser.add_argument("--parts", nargs="+", choices=parts, default=list(parts))
+    parser.add_argument("--json", action="store_true", help="print one JSON object last")
+    options = parser.parse_args()
+    results = {}
+    for part in options.parts:
+        results[part] = parts[part]()
+    if options.json:
+        print(json.dumps(results))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The avatar's body: rig and skin, their loaders, kinematics, skinning and retargeting."""

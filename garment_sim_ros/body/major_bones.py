@@ -1,0 +1,148 @@
+"""The few bones that matter for colliders and garments; all small ones belong to one of them.
+
+In a human, these are hips, spine, chest, neck, head, upper and lower arms, hands, upper and lower
+legs and feet: twist joints, fingers, face, toes and collar bones move with the bone above them. In
+any other rig, a joint is major if the skin that it carries is a fair share of the whole.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.body.kinematics import rest_transforms
+from garment_sim_ros.body.skin import Body, Skin
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+HUMAN_MAJOR: tuple[str, ...] = (
+    *("hips", "spine", "chest", "neck", "head"),
+    *("leftUpperArm", "leftLowerArm", "leftHand", "leftUpperLeg", "leftLowerLeg", "leftFoot"),
+    *("rightUpperArm", "rightLowerArm", "rightHand"),
+    *("rightUpperLeg", "rightLowerLeg", "rightFoot"),
+)
+"""Humanoid bones that are major; the others belong to the next major one above."""
+
+_MIN_HUMAN_BONES = 8
+"""A body with fewer of `HUMAN_MAJOR` named is divided by size instead."""
+
+_MIN_SHARE = 0.015
+"""Smallest share of the skin's area that makes a joint major where names say nothing."""
+
+_SAME_PLACE = 1e-3
+"""Joints closer than this [m] are one ball joint made of several axes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MajorBones:
+    """The major bones of a body, parents before children.
+
+    Attributes:
+        names: Joint name of each, length m.
+        joint: Joint index of each, shape [m].
+        parent: Major bone above each, -1 for the topmost, shape [m].
+        owner: Index of the major bone that each joint of the rig belongs to, shape [n].
+    """
+
+    names: tuple[str, ...]
+    joint: IntArray
+    parent: IntArray
+    owner: IntArray
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def major_bones(body: Body, *, also: tuple[str, ...] = ()) -> MajorBones:
+    """The major bones of a body; every one carries skin, its own or of a joint it owns.
+
+    Args:
+        body: Rig and skin.
+        also: Humanoid bones that are to be major besides `HUMAN_MAJOR`.
+    """
+    carried = joint_areas(body.skin)
+    named = {body.rig.index(body.humanoid[b]) for b in (*HUMAN_MAJOR, *also) if b in body.humanoid}
+    if len(named) >= _MIN_HUMAN_BONES:
+        origin = rest_transforms(body.rig)[:, :3, 3]
+        chosen = {_end_of_ball_joint(j, named, body.rig.parent, origin, carried) for j in named}
+    else:
+        chosen = _by_size(body.rig.parent, carried)
+    owner_joint = _nearest_chosen(body.rig.parent, chosen)
+    # A bone that carries nothing at all is left to the bones around it.
+    total = np.bincount(owner_joint, carried, minlength=len(carried))
+    chosen = {j for j in chosen if total[j] > 0.0} or {int(np.argmax(carried))}
+    owner_joint = _nearest_chosen(body.rig.parent, chosen)
+
+    joint = np.array(sorted(chosen), dtype=np.int32)
+    above = body.rig.parent[joint]
+    parent = np.where(above >= 0, np.searchsorted(joint, owner_joint[above]), -1)
+    parent[parent >= np.arange(len(joint))] = -1
+    return MajorBones(
+        names=tuple(body.rig.joint_names[j] for j in joint),
+        joint=joint,
+        parent=parent.astype(np.int32),
+        owner=np.searchsorted(joint, owner_joint).astype(np.int32),
+    )
+
+
+def joint_areas(skin: Skin) -> FloatArray:
+    """Skin area that each joint carries by its weights [m^2], shape [n]."""
+    a, b, c = skin.vertices[skin.triangles].transpose(1, 0, 2)
+    third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
+    area = np.bincount(skin.triangles.ravel(), np.repeat(third, 3), minlength=len(skin.vertices))
+    share = area[:, None] * skin.weight
+    carried = np.bincount(skin.bone.ravel(), share.ravel(), minlength=len(skin.T_bone_bind))
+    return carried.astype(np.float64)
+
+
+def _end_of_ball_joint(
+    joint: int, named: set[int], parent: IntArray, origin: FloatArray, carried: FloatArray
+) -> int:
+    """The last of the joints at one place that has skin: the one that makes all the turns."""
+    last = candidate = joint
+    while True:
+        below = [
+            int(child)
+            for child in np.flatnonzero(parent == candidate)
+            if np.linalg.norm(origin[child] - origin[candidate]) < _SAME_PLACE
+        ]
+        if len(below) != 1 or below[0] in named:
+            return last
+        candidate = below[0]
+        if carried[candidate] > 0.0:
+            last = candidate
+
+
+def _by_size(parent: IntArray, carried: FloatArray) -> set[int]:
+    """Joints that carry a fair share of the skin, with that of the small joints below them."""
+    gathered = carried.copy()
+    chosen = set()
+    for joint in range(len(parent) - 1, -1, -1):
+        if gathered[joint] >= _MIN_SHARE * carried.sum():
+            chosen.add(joint)
+        elif parent[joint] >= 0:
+            gathered[parent[joint]] += gathered[joint]
+    return chosen
+
+
+def _nearest_chosen(parent: IntArray, chosen: set[int]) -> IntArray:
+    """For each joint, the closest chosen one above, else the first one of its tree or of all."""
+    first = min(chosen)
+    n = len(parent)
+    root = np.arange(n)
+    for joint in range(n):
+        if parent[joint] >= 0:
+            root[joint] = root[parent[joint]]
+    first_of_tree: dict[int, int] = {}
+    for joint in sorted(chosen):
+        first_of_tree.setdefault(int(root[joint]), joint)
+    nearest = np.zeros(n, dtype=np.int32)
+    for joint in range(n):
+        if joint in chosen:
+            nearest[joint] = joint
+        elif parent[joint] >= 0:
+            nearest[joint] = nearest[parent[joint]]
+        else:
+            nearest[joint] = first_of_tree.get(int(root[joint]), first)
+    return nearest

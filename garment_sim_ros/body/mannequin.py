@@ -1,0 +1,144 @@
+"""The built-in body: a smooth, closed, skinned mannequin of any height, sex and build.
+
+It is generated from published body proportions (see `mannequin_proportions`), so that the package
+works without any file. Fingers and face are left out. Rest pose: upright, facing +x, arms 45
+degrees below the horizontal, feet on z = 0 about a hip's breadth apart.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.body.mannequin_figure import figure
+from garment_sim_ros.body.mannequin_mesh import symmetric_mesh
+from garment_sim_ros.body.mannequin_weights import skin_weights
+from garment_sim_ros.body.rig import Dofs, Rig
+from garment_sim_ros.body.skin import Body, Skin
+from garment_sim_ros.params import parameter, validated
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MannequinOptions:
+    """What the mannequin looks like."""
+
+    height: float = parameter(1.70, "Stature.", unit="m", minimum=1.0, maximum=2.5)
+    sex: float = parameter(0.0, "From 0, female, to 1, male.", minimum=0.0, maximum=1.0)
+    build: float = parameter(0.5, "From 0, slim, to 1, heavy.", minimum=0.0, maximum=1.0)
+    vertices: int = parameter(4000, "Number of vertices.", minimum=1000, maximum=10000)
+
+
+_PARENTS = {
+    "hips": "",
+    "spine": "hips",
+    "chest": "spine",
+    "upperChest": "chest",
+    "neck": "upperChest",
+    "head": "neck",
+    "Shoulder": "upperChest",
+    "UpperArm": "Shoulder",
+    "LowerArm": "UpperArm",
+    "Hand": "LowerArm",
+    "UpperLeg": "hips",
+    "LowerLeg": "UpperLeg",
+    "Foot": "LowerLeg",
+    "Toes": "Foot",
+}
+
+
+def mannequin(
+    *, height: float = 1.70, sex: float = 0.0, build: float = 0.5, vertices: int = 4000
+) -> Body:
+    """The mannequin; the same options always give the same body.
+
+    Args:
+        height: Stature [m].
+        sex: 0 for female to 1 for male.
+        build: 0 for slim to 1 for heavy.
+        vertices: Number of vertices, reached up to one.
+
+    Raises:
+        ParameterError: An option is out of its range.
+    """
+    values = {"height": height, "sex": sex, "build": build, "vertices": vertices}
+    return _mannequin(validated(MannequinOptions, values))
+
+
+def _edge_length(x: FloatArray, joints: dict[str, FloatArray], unit: float) -> FloatArray:
+    """Relative edge length wanted at points [n, 3]: shorter at head, arms, hands and feet."""
+    folded = np.column_stack([x[:, 0], np.abs(x[:, 1]), x[:, 2]])
+    elbow, wrist = joints["leftLowerArm"], joints["leftHand"]
+    spots = (
+        (joints["head"] + [0.05 * unit, 0.0, 0.02 * unit], 0.12 * unit, 0.3),
+        (wrist + 0.4 * (wrist - elbow), 0.11 * unit, 0.35),
+        (0.5 * (joints["leftToes"] + joints["leftFoot"]), 0.14 * unit, 0.3),
+    )
+    length = 1.0 - 0.2 * np.clip(folded[:, 1] / (0.1 * unit) - 2.4, 0.0, 1.0)
+    for centre, radius, less in spots:
+        length -= less * np.exp(-((((folded - centre) ** 2).sum(axis=1) / radius**2) ** 2))
+    return length
+
+
+def _rig(left: dict[str, FloatArray]) -> Rig:
+    """The rig with identity rest rotations, from the joint centres of the middle and left [m]."""
+    centre: dict[str, FloatArray] = {}
+    parent: dict[str, str] = {}
+    for bone, above in _PARENTS.items():
+        for side in ("",) if bone in left else ("left", "right"):
+            mirror = [1.0, -1.0 if side == "right" else 1.0, 1.0]
+            centre[side + bone] = left[bone if bone in left else "left" + bone] * mirror
+            parent[side + bone] = above if above in centre else side + above
+    names = tuple(centre)
+    T = np.tile(np.eye(4), (len(names), 1, 1))
+    for i, name in enumerate(names):
+        T[i, :3, 3] = centre[name] - centre.get(parent[name], np.zeros(3))
+    return Rig(
+        joint_names=names,
+        parent=np.array([names.index(parent[n]) if parent[n] else -1 for n in names], np.int32),
+        T_parent_joint=T,
+        dofs=Dofs.none(),
+    )
+
+
+@lru_cache(maxsize=8)
+def _mannequin(options: MannequinOptions) -> Body:
+    shape = figure(options.height, options.sex, options.build)
+    skin = shape.surface
+    unit = options.height / 1.7
+    x, triangles = symmetric_mesh(
+        skin.sample,
+        skin.project,
+        lambda points: _edge_length(points, shape.joints, unit),
+        np.array([-0.3, 0.0, -0.03]) * unit,
+        np.array([0.35, 0.9, 1.73]) * unit,
+        0.01 * unit,
+        options.vertices,
+    )
+    folded = np.column_stack([x[:, 0], np.abs(x[:, 1]), x[:, 2]])
+    arm = np.min([skin.part(i, folded) for i in shape.arm], axis=0)
+    lead = skin.without(shape.arm)(x) - arm
+
+    # The coarser the mesh, the more its top and soles fall short of the surface's.
+    low, high = x[:, 2].min(), x[:, 2].max()
+    scale = options.height / (high - low)
+    x = (x - [0.0, 0.0, low]) * scale
+    rig = _rig({name: (place - [0.0, 0.0, low]) * scale for name, place in shape.joints.items()})
+    T_bone_bind = np.tile(np.eye(4), (len(rig), 1, 1))
+    for i, above in enumerate(rig.parent):
+        T_bone_bind[i, :3, 3] = -rig.T_parent_joint[i, :3, 3]
+        if above >= 0:
+            T_bone_bind[i, :3, 3] += T_bone_bind[above, :3, 3]
+    bone, weight = skin_weights(
+        x, rig.joint_names, -T_bone_bind[:, :3, 3], scale * lead, options.height
+    )
+    return Body(
+        name="mannequin",
+        rig=rig,
+        skin=Skin(
+            vertices=x, triangles=triangles, bone=bone, weight=weight, T_bone_bind=T_bone_bind
+        ),
+        humanoid={name: name for name in rig.joint_names},
+    )

@@ -1,0 +1,387 @@
+"""Retargeting: a source skeleton's motion on another body's rig.
+
+Every bone that both have turns in the world as the source's bone does. What lies between the two
+is one constant rotation per bone, found by comparing anatomical frames (`body.anatomy`) of the
+source in its reference pose and the target in its rest pose; so A-pose, T-pose and hanging arms,
+bone axes and twists of either rig drop out. In symbols, with the source's joint s, the target's
+joint t and the frames F:
+
+    R_world_t(now) = R_world_s(now) R_world_s(reference)^-1 F_s F_t^-1 R_world_t(rest)
+
+Lengths stay the target's. The midpoint between the hip joints moves as the source's, scaled by the
+ratio of leg lengths, so that a foot on the ground stays on it.
+
+Joints of a rig with one-degree-of-freedom chains (URDF) are turned freely, not within their axes
+and limits: the last link of a ball joint gets the whole rotation, links between follow their
+parent. That shows what the person did even where the robot model could not do it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.body.anatomy import (
+    SIDES,
+    TRUNK,
+    Landmarks,
+    SourceReference,
+    anatomical_frames,
+    find_landmarks,
+    leg_length,
+    stands,
+    unit,
+)
+from garment_sim_ros.body.humanoid import humanoid_map
+from garment_sim_ros.body.kinematics import ForwardKinematics, rest_transforms
+from garment_sim_ros.body.retarget_pass import (
+    BLEND,
+    DRIVEN,
+    FOLLOW,
+    TWIST,
+    place_joints,
+    turn_joints,
+)
+from garment_sim_ros.body.rig import ROTATION, TRANSLATION, Rig
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.transforms import invert_transform, quaternion_from_matrix
+
+FloatArray = NDArray[np.float64]
+
+_BLENDED = {*TRUNK, "hips", "neck", "head"}
+_TWISTED = {"leftHand": "leftLowerArm", "rightHand": "rightLowerArm"}
+_FEET = ("leftFoot", "rightFoot")
+_COINCIDENT = 1e-9
+_REACH = 0.05
+"""Height above the lowest foot or hand up to which others share in bearing, in leg lengths."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Skeleton:
+    """One of the two skeletons in the pose that is compared.
+
+    Attributes:
+        rig: Its rig.
+        bones: Humanoid bone to joint index.
+        T_world_joint: Pose, z up, shape [n, 4, 4].
+        marks: Its landmarks.
+        frames: Its anatomical frames.
+        at_rest: Whether the pose is the rig's own, not a captured one.
+    """
+
+    rig: Rig
+    bones: dict[str, int]
+    T_world_joint: FloatArray
+    marks: Landmarks
+    frames: dict[str, FloatArray]
+    at_rest: bool
+
+    @classmethod
+    def compare(
+        cls,
+        name: str,
+        rig: Rig,
+        mapping: Mapping[str, str],
+        T_world_joint: FloatArray,
+        reference: SourceReference,
+    ) -> "_Skeleton":
+        """Measure a posed skeleton; `reference.values` being empty says that it is at rest."""
+        if "hips" not in mapping:
+            raise GeometryError(
+                f"{name}: no joint is known to be the hips; an override can say so"
+            )
+        marks = find_landmarks(rig, mapping, T_world_joint, reference)
+        at_rest = not reference.values
+        frames = anatomical_frames(marks, designed=at_rest)
+        if not frames:
+            raise GeometryError(f"{name}: neither both hip joints nor both shoulders are known")
+        bones = {bone: rig.joint_names.index(joint) for bone, joint in mapping.items()}
+        return cls(
+            rig=rig,
+            bones=bones,
+            T_world_joint=T_world_joint,
+            marks=marks,
+            frames=frames,
+            at_rest=at_rest,
+        )
+
+    def rotation(self, joint: int) -> FloatArray:
+        """World rotation of a joint in the compared pose."""
+        return self.T_world_joint[joint, :3, :3]
+
+
+class Retargeter:
+    """Poses a body as a source skeleton moves; allocates once.
+
+    Args:
+        source_rig: Source skeleton with channels.
+        target: The body to pose.
+        T_world_source: Pose of the source rig's root frame, z up; identity where the rig itself
+            turns its file's axes (the URDF of `mocap.source_urdf`).
+        reference: Reference pose and end sites of the source; None for its zero pose.
+        overrides: Humanoid bone to joint name of the source, winning over the name tables.
+
+    Attributes:
+        mapping: Pairs of source and target joint that are driven, by name.
+        unmapped_source: Source joints that drive nothing.
+        unmapped_target: Target joints that no source joint drives: they follow their parents or
+            blend between their neighbours.
+        scale: Target leg length over source leg length.
+        notes: What was assumed, one sentence each.
+
+    Raises:
+        GeometryError: One of the two has no known hips, or no pair of hips or shoulders.
+        ParameterError: An override names an unknown bone or joint.
+    """
+
+    def __init__(
+        self,
+        source_rig: Rig,
+        target: Body,
+        *,
+        T_world_source: FloatArray | None = None,
+        reference: SourceReference | None = None,
+        overrides: Mapping[str, str | None] | None = None,
+    ) -> None:
+        rig = target.rig
+        reference = reference or SourceReference()
+        self._T_world_source = np.eye(4) if T_world_source is None else np.array(T_world_source)
+        self._kinematics = ForwardKinematics(source_rig)
+        q = np.array([reference.values.get(name, 0.0) for name in source_rig.dofs.names])
+        source = _Skeleton.compare(
+            "source skeleton",
+            source_rig,
+            humanoid_map(source_rig.joint_names, source_rig.parent, overrides),
+            self._kinematics.from_dofs(q, self._T_world_source).copy(),
+            reference,
+        )
+        rest = _Skeleton.compare(
+            target.name, rig, target.humanoid, rest_transforms(rig), SourceReference()
+        )
+        n = len(rig)
+        self._hips = rest.bones["hips"]
+        self._parent = rig.parent
+        T_local = rig.T_parent_joint.copy()
+        roots = rig.parent < 0  # these move with the hips
+        T_local[roots] = invert_transform(rest.T_world_joint[self._hips]) @ T_local[roots]
+        self._rest_position = np.ascontiguousarray(T_local[:, :3, 3])
+        self._rest_rotation = quaternion_from_matrix(T_local[:, :3, :3])
+        self._rule = np.full(n, FOLLOW, np.int8)
+        self._source, self._above, self._below = np.zeros((3, n), np.int32)
+        self._offset, self._above_rest, self._below_rest = np.zeros((3, n, 4))
+        self._share = np.zeros(n)
+        self._bone_axis = np.zeros((n, 3))
+        self._rotation = np.zeros((n, 4))
+        self._T_world_joint = np.tile(np.eye(4), (n, 1, 1))
+
+        pairs = _pair_bones(source.bones, rest.bones)
+        self._drive(pairs, source, rest)
+        self._share_between(pairs, rest)
+        self._measure_travel(source, rest, target, reference)
+        driven = {rest.bones[t] for _, t in pairs}
+        driving = {source.bones[s] for s, _ in pairs}
+        names = source_rig.joint_names
+        self.mapping = tuple(
+            (names[source.bones[s]], rig.joint_names[rest.bones[t]]) for s, t in pairs
+        )
+        self.unmapped_source = tuple(names[j] for j in _ball_ends(source_rig) if j not in driving)
+        self.unmapped_target = tuple(
+            name for j, name in enumerate(rig.joint_names) if j not in driven
+        )
+        self.notes = tuple(
+            f"{name} does not stand upright in the compared pose; bones may come out turned."
+            for name, skeleton in (("The source skeleton", source), (target.name, rest))
+            if skeleton.at_rest and not stands(skeleton.marks)
+        )
+
+    def world_joints(self, q: FloatArray) -> FloatArray:
+        """Poses of the target's joints for channel values of the source.
+
+        Args:
+            q: Source channel values [rad or m], shape [d].
+
+        Returns:
+            `T_world_joint`, shape [n, 4, 4], overwritten by the next call.
+        """
+        T_source = self._kinematics.from_dofs(q, self._T_world_source)
+        turn_joints(
+            T_source, self._parent, self._rule, self._source, self._offset, self._above,
+            self._below, self._above_rest, self._below_rest, self._share, self._bone_axis,
+            self._hips, self._rest_rotation, self._rotation,
+        )  # fmt: skip
+        place_joints(
+            T_source, self._travel_joints, self.scale, self._middle_in_hips, self._parent,
+            self._hips, self._rest_position, self._rotation, self._contact_joints,
+            self._contact_offset, self._contact_height, self._reach, self._T_world_joint,
+        )  # fmt: skip
+        return self._T_world_joint
+
+    @property
+    def root_pose(self) -> FloatArray:
+        """World pose of the target's hips after the last call of `world_joints`, [4, 4]."""
+        return self._T_world_joint[self._hips].copy()
+
+    def _drive(self, pairs: list[tuple[str, str]], source: _Skeleton, rest: _Skeleton) -> None:
+        """Constant rotations from source to target joints."""
+        for source_bone, target_bone in pairs:
+            s, t = source.bones[source_bone], rest.bones[target_bone]
+            if source_bone in source.frames and target_bone in rest.frames:
+                F_s, F_t = source.frames[source_bone], rest.frames[target_bone]
+            else:  # a bone whose direction one of the two does not show
+                F_s, F_t = source.frames["hips"], rest.frames["hips"]
+            offset = source.rotation(s).T @ F_s @ F_t.T @ rest.rotation(t)
+            self._rule[t] = DRIVEN
+            self._source[t] = s
+            self._offset[t] = quaternion_from_matrix(offset)
+
+    def _share_between(self, pairs: list[tuple[str, str]], rest: _Skeleton) -> None:
+        """Rules of target joints between two driven ones: spine, neck and forearm share."""
+        bone_of = {rest.bones[target_bone]: target_bone for _, target_bone in pairs}
+        for b, bone in bone_of.items():
+            between: list[int] = []
+            a = int(self._parent[b])
+            while a >= 0 and a not in bone_of:
+                between.insert(0, a)
+                a = int(self._parent[a])
+            if a < 0:
+                continue
+            if bone in _BLENDED and bone_of[a] in _BLENDED:
+                rule = BLEND
+            elif _TWISTED.get(bone) == bone_of[a]:
+                rule = TWIST
+            else:
+                continue
+            for i, j in enumerate(between):
+                R = rest.rotation(j)
+                self._rule[j] = rule
+                self._above[j], self._below[j] = a, b
+                self._above_rest[j] = quaternion_from_matrix(rest.rotation(a).T @ R)
+                self._below_rest[j] = quaternion_from_matrix(rest.rotation(b).T @ R)
+                self._share[j] = (i + 1) / (len(between) + 1)
+                along = unit(rest.T_world_joint[b, :3, 3] - rest.T_world_joint[j, :3, 3])
+                self._bone_axis[j] = 0.0 if along is None else R.T @ along
+
+    def _measure_travel(
+        self, source: _Skeleton, rest: _Skeleton, target: Body, reference: SourceReference
+    ) -> None:
+        """How the point between the hip joints moves: scale and heights above the ground."""
+        legs = ("leftUpperLeg", "rightUpperLeg")
+        if not all(leg in source.bones and leg in rest.bones for leg in legs):
+            legs = ("hips", "hips")
+        self._travel_joints = np.array([source.bones[leg] for leg in legs], np.int32)
+        middle = np.mean([rest.marks.joint[leg] for leg in legs], axis=0)
+        self._middle_in_hips = rest.rotation(self._hips).T @ (middle - rest.marks.joint["hips"])
+        source_leg, target_leg = leg_length(source.marks), leg_length(rest.marks)
+        self.scale = target_leg / source_leg if source_leg and target_leg else 1.0
+        self._reach = _REACH * (source_leg or 1.0)
+        ankles = [rest.marks.joint[foot] for foot in _FEET if foot in rest.marks.joint]
+        height = 0.0
+        if ankles and len(target.skin.vertices):
+            height = float(np.mean(ankles, axis=0)[2] - target.skin.vertices[:, 2].min())
+        source_height = reference.ankle_height
+        if source_height is None:
+            source_height = height / self.scale
+            standing = [source.marks.joint[foot][2] for foot in _FEET if foot in source.bones]
+            if standing and not (source.rig.dofs.kind == TRANSLATION).any():
+                # A skeleton that stays where its root is says nothing about the ground but this.
+                source_height = float(min(standing))
+        joints, offsets, heights = [], [], []
+        for foot in _FEET:
+            if foot in source.bones and foot in rest.bones:
+                joints.append((source.bones[foot], rest.bones[foot]))
+                offsets.append(np.zeros((2, 3)))
+                heights.append((source_height, height))
+        for side in SIDES:
+            end_s = _arm_end(source, side, _skeleton_points(source, reference.end_sites))
+            end_t = _arm_end(rest, side, _skin_points(target))
+            if end_s is not None and end_t is not None:
+                joints.append((end_s[0], end_t[0]))
+                offsets.append(np.stack([end_s[1], end_t[1]]))
+                heights.append((0.0, 0.0))
+        self._contact_joints = np.array(joints, np.int32).reshape(-1, 2)
+        self._contact_offset = np.array(offsets).reshape(-1, 2, 3)
+        self._contact_height = np.array(heights).reshape(-1, 2)
+
+
+def _pair_bones(source: Mapping[str, int], target: Mapping[str, int]) -> list[tuple[str, str]]:
+    """Source and target bones that turn alike.
+
+    The highest bone of the trunk carries neck and arms whatever it is called, so the highest ones
+    are a pair; likewise the head, or the neck where there is no head.
+    """
+    central = {*TRUNK, "neck", "head"}
+    pairs = [(bone, bone) for bone in source if bone in target and bone not in central]
+    trunks = [[bone for bone in TRUNK if bone in bones] for bones in (source, target)]
+    if all(trunks):
+        pairs.append((trunks[0][-1], trunks[1][-1]))
+        pairs += [(bone, bone) for bone in trunks[0][:-1] if bone in trunks[1][:-1]]
+    heads = [[bone for bone in ("neck", "head") if bone in bones] for bones in (source, target)]
+    if heads[0] and heads[1]:
+        pairs += [(bone, bone) for bone in heads[0] if bone in heads[1]]
+        if not set(heads[0]) & set(heads[1]):
+            pairs.append((heads[0][0], heads[1][0]))
+        elif heads[1] == ["neck"] and "head" in heads[0]:
+            pairs[-1] = ("head", "neck")
+    return pairs
+
+
+def _skeleton_points(
+    skeleton: _Skeleton, end_sites: Mapping[str, FloatArray]
+) -> tuple[FloatArray, NDArray[np.int32]]:
+    """World positions of joints and end sites, and the joint that moves each."""
+    T = skeleton.T_world_joint
+    index = {name: j for j, name in enumerate(skeleton.rig.joint_names)}
+    ended = [index[name] for name in end_sites if name in index]
+    ends = [
+        T[index[n], :3, :3] @ end_sites[n] + T[index[n], :3, 3] for n in end_sites if n in index
+    ]
+    points = np.concatenate([T[:, :3, 3], np.reshape(ends, (-1, 3))])
+    # A joint's own place is moved by its parent.
+    mover = np.concatenate([skeleton.rig.parent, np.array(ended, np.int32)])
+    return points, mover
+
+
+def _skin_points(body: Body) -> tuple[FloatArray, NDArray[np.int32]]:
+    """Vertices and the joint that moves each most."""
+    main = np.argmax(body.skin.weight, axis=1)
+    return body.skin.vertices, body.skin.bone[np.arange(len(main)), main]
+
+
+def _arm_end(
+    skeleton: _Skeleton, side: str, points: tuple[FloatArray, NDArray[np.int32]]
+) -> tuple[int, FloatArray] | None:
+    """An arm's lowest joint and, in its frame, the point of the arm farthest from its elbow."""
+    lowest = next((side + b for b in ("Hand", "LowerArm") if side + b in skeleton.bones), None)
+    if lowest is None:
+        return None
+    joint = skeleton.bones[lowest]
+    below = np.zeros(len(skeleton.rig), bool)
+    below[joint] = True
+    for j, parent in enumerate(skeleton.rig.parent):
+        below[j] |= parent >= 0 and below[parent]
+    positions, mover = points
+    moved = positions[(mover >= 0) & below[mover]]
+    T = skeleton.T_world_joint[joint]
+    if len(moved) == 0:
+        return joint, np.zeros(3)
+    elbow = skeleton.marks.joint.get(f"{side}LowerArm", T[:3, 3])
+    end = moved[np.argmax(np.linalg.norm(moved - elbow, axis=1))]
+    return joint, T[:3, :3].T @ (end - T[:3, 3])
+
+
+def _ball_ends(rig: Rig) -> list[int]:
+    """Joints that turn, without those that only lead to another one at the same place."""
+    ends = []
+    turning = set(rig.dofs.joint[rig.dofs.kind == ROTATION].tolist())
+    for j in sorted(turning):
+        children = np.flatnonzero(rig.parent == j)
+        if (
+            len(children) == 1
+            and int(children[0]) in turning
+            and np.abs(rig.T_parent_joint[children[0], :3, 3]).max() < _COINCIDENT
+        ):
+            continue
+        ends.append(j)
+    return ends

@@ -1,0 +1,68 @@
+"""The XML of a URDF: parsed without DTD and entities, numbers checked."""
+
+from xml.etree.ElementTree import Element, ParseError
+
+import numpy as np
+from defusedxml.common import DefusedXmlException
+from defusedxml.ElementTree import fromstring
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from garment_sim_ros.errors import InputFileError
+
+FloatArray = NDArray[np.float64]
+
+MAX_TEXT = 16 * 2**20
+"""Longest URDF that is parsed [characters]."""
+
+
+def root_element(text: str, source: str) -> Element:
+    """The <robot> element of a URDF.
+
+    Raises:
+        InputFileError: Not XML, XML with a DTD, another document, or xacro not yet expanded.
+    """
+    if len(text) > MAX_TEXT:
+        raise InputFileError(source, f"has {len(text)} characters", f"allowed: {MAX_TEXT}")
+    try:
+        robot = fromstring(text, forbid_dtd=True)
+    except (ParseError, DefusedXmlException, ValueError) as error:
+        raise InputFileError(
+            source, f"is not usable XML ({error})", "allowed: URDF without DTD or entities"
+        ) from error
+    if robot.tag != "robot":
+        raise InputFileError(
+            source, f"has the root element <{robot.tag[:60]}>", "allowed: <robot>"
+        )
+    if any("xacro}" in str(element.tag) for element in robot.iter()):
+        raise InputFileError(source, "holds xacro macros", "allowed: URDF expanded by xacro")
+    return robot
+
+
+def numbers(element: Element, key: str, default: str, count: int, source: str) -> FloatArray:
+    """The `count` finite numbers of an attribute.
+
+    Raises:
+        InputFileError: It holds something else.
+    """
+    value = element.get(key, default)
+    try:
+        array = np.array([float(v) for v in value.split()])
+    except ValueError:
+        array = np.zeros(0)
+    if array.shape != (count,) or not np.isfinite(array).all():
+        raise InputFileError(
+            source, f"<{element.tag} {key}={value!r}>", f"allowed: {count} finite numbers"
+        )
+    return array
+
+
+def origin_transform(owner: Element, source: str) -> FloatArray:
+    """The transform of an element's <origin>, identity where absent, shape [4, 4]."""
+    T = np.eye(4)
+    origin = owner.find("origin")
+    if origin is not None:
+        rpy = numbers(origin, "rpy", "0 0 0", 3, source)
+        T[:3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
+        T[:3, 3] = numbers(origin, "xyz", "0 0 0", 3, source)
+    return T

@@ -1,0 +1,1 @@
+"""The garment-sim command: one file per sub-command."""

@@ -1,0 +1,129 @@
+"""`demo`: a dressed, moving avatar over real ROS 2, recorded, measured and drawn."""
+
+import argparse
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+from garment_sim_ros.cli.node_processes import NodeProcesses, own_network
+from garment_sim_ros.cli.progress import Waiting, progress
+from garment_sim_ros.cli.staging import staged
+from garment_sim_ros.errors import GarmentSimError, InputFileError, ParameterError
+
+EXAMPLE = "garment-sim demo --body avatar.glb --clip dance.bvh --out out/dance"
+
+OUTFIT = "tshirt_short_skirt"
+RATE = 60.0  # of the cloth [Hz]
+_START_LIMIT = 180.0  # for the first cloth, compiling included [s]
+_WAIT = 0.1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    add = parser.add_argument
+    add("--seconds", metavar="S", type=float, default=8.0, help="to record (default: 8)")
+    add("--body", metavar="F", default="mannequin", help="body file (default: mannequin)")
+    add("--clip", metavar="F", default="walk", help="BVH or rosbag2 (default: a built-in walk)")
+    add("--outfit", metavar="F", default=OUTFIT, help=f"outfit YAML (default: {OUTFIT})")
+    add("--out", metavar="DIR", type=Path, default=Path("out/demo"), help="default: out/demo")
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Run, record, measure, draw."""
+    began = time.monotonic()
+    if not 1.0 <= args.seconds <= 3600.0:
+        raise ParameterError("--seconds", f"found {args.seconds:g}", "allowed: 1 to 3600")
+    for option in ("body", "clip", "outfit"):
+        name = getattr(args, option).partition(":")[0]
+        # A name without an ending may be a built-in one; the node that loads it knows.
+        if Path(name).suffix and not Path(name).exists():
+            raise InputFileError(f"--{option} {name}", "does not exist", "allowed: a file")
+    with staged(args.out) as stage:
+        first_cloth = _record(args, stage, began)
+        from garment_sim_ros.tradeoff.evaluation import evaluate
+
+        summary = evaluate(
+            stage / "bag",
+            args.body,
+            args.outfit,
+            frame_rate=RATE,
+            pictures=stage,
+            progress=progress,
+        )
+        summary["first_cloth_s"] = round(first_cloth, 2)
+        (stage / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    print(_table(summary))
+    if summary["pictures"] != "drawn":
+        print(summary["pictures"])
+    print(f"written to {args.out}: {', '.join(sorted(os.listdir(args.out)))}")
+    return summary
+
+
+def _record(args: argparse.Namespace, stage: Path, began: float) -> float:
+    """Record the running nodes into ``bag``; returns when the first cloth came [s]."""
+    os.environ.update(own_network())
+    with NodeProcesses(stage / "logs") as nodes:
+        nodes.start("cloth_node", {"body": args.body, "outfit": args.outfit, "rate": RATE})
+        nodes.start("collider_node", {"body": args.body})
+        nodes.start("mocap_player", {"clip": args.clip, "loop": True})
+        try:
+            # Only now, so that the nodes start while this loads.
+            from garment_sim_ros.ros.recorder import Recorder
+        except ImportError as error:
+            raise GarmentSimError(
+                f"rclpy: {error}; source ROS 2 or pip install 'garment_sim_ros[ros]'"
+            ) from None
+        with Recorder(stage / "bag") as recorder:
+            with Waiting("starting") as waiting:
+                while not recorder.first_cloth.wait(_WAIT):
+                    nodes.check()
+                    if time.monotonic() - began > _START_LIMIT:
+                        raise GarmentSimError(
+                            f"no cloth after {_START_LIMIT:g} s: {nodes.last_words('cloth_node')}"
+                        )
+                    waiting.show(nodes.last_words("cloth_node"))
+            first_cloth = time.monotonic() - began
+            for _ in progress(range(round(args.seconds / _WAIT)), "recording"):
+                time.sleep(_WAIT)
+                nodes.check()
+        nodes.finish()
+    return first_cloth
+
+
+def _table(summary: dict[str, Any]) -> str:
+    """The closing table for people."""
+    s = summary
+    rows = [
+        ("frames published", f"{s['frames']}"),
+        ("rate held", f"{s['rate_hz']:.2f} Hz"),
+        ("late frames", f"{s['late_frames']}"),
+        ("solver per frame", f"{s['step_ms_median']:.2f} ms (p95 {s['step_ms_p95']:.2f} ms)"),
+        (
+            "penetration into the skin",
+            f"p99 {_number(s['penetration_mm_p99'])} mm, deepest "
+            f"{_number(s['penetration_mm_max'])} mm",
+        ),
+        ("gap to the skin", f"{_number(s['gap_mm_median'])} mm (median)"),
+        ("stretch", f"p95 {_percent(s['strain_p95'])}, largest {_percent(s['strain_max'])}"),
+        ("finite, resets", f"{'yes' if s['finite'] else 'NO'}, {s['resets']}"),
+    ]
+    rows += [
+        (
+            name,
+            f"{g['vertices']} vertices, {g['triangles']} triangles, "
+            f"{100.0 * g['pinned_share']:.1f} % pinned",
+        )
+        for name, g in s["garments"].items()
+    ]
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{100.0 * value:.1f} %"

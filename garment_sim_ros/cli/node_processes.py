@@ -1,0 +1,127 @@
+"""The nodes as real processes: started, watched and ended."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import yaml
+
+from garment_sim_ros.errors import GarmentSimError
+
+_LOG_HEAD = re.compile(r"^\[[A-Z]+\] \[[0-9.]+\] \[\S+\]: ")
+_PATIENCE = 5.0  # for an orderly end [s]
+
+
+def own_network() -> dict[str, str]:
+    """Environment in which nodes of this program meet each other and nobody else."""
+    # Above 101 the ports of a domain may collide with those that Linux hands out.
+    domain = 1 + os.getpid() % 101
+    return {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Ctrl-C takes effect at the end: no process that was just started is lost."""
+    came: list[int] = []
+    signs = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(sign, lambda number, frame: came.append(number)) for sign in signs]
+    try:
+        yield
+    finally:
+        for sign, handler in zip(signs, before):
+            signal.signal(sign, handler)
+    if came:
+        raise KeyboardInterrupt
+
+
+class NodeProcesses:
+    """Nodes that live as long as the `with` block.
+
+    Args:
+        logs: Folder for one log and one parameter file per node.
+    """
+
+    def __init__(self, logs: Path) -> None:
+        logs.mkdir(parents=True, exist_ok=True)
+        self._logs = logs
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> "NodeProcesses":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._end()
+
+    def start(self, name: str, parameters: Mapping[str, Any]) -> None:
+        """Start ``garment_sim_ros.ros.<name>`` with ROS parameters."""
+        file = self._logs / f"{name}.yaml"
+        file.write_text(yaml.safe_dump({"/**": {"ros__parameters": dict(parameters)}}))
+        command = [sys.executable, "-m", f"garment_sim_ros.ros.{name}"]
+        with (self._logs / f"{name}.log").open("wb") as log, _interrupts_held():
+            self._processes[name] = subprocess.Popen(
+                [*command, "--ros-args", "--params-file", str(file)],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,  # Ctrl-C is for this program, which ends them in order
+            )
+
+    def check(self) -> None:
+        """See that all nodes are running.
+
+        Raises:
+            GarmentSimError: One has ended; with the reason that its log gives.
+        """
+        for name, process in self._processes.items():
+            code = process.poll()
+            if code is not None:
+                raise GarmentSimError(
+                    f"{name} ended with exit code {code}: {self.last_words(name)}"
+                )
+
+    def last_words(self, name: str) -> str:
+        """The last line of a node's log that says something."""
+        text = (self._logs / f"{name}.log").read_text(errors="replace")
+        lines = [line.strip() for line in text.splitlines() if line.strip()]
+        return _LOG_HEAD.sub("", lines[-1]) if lines else "no output yet"
+
+    def finish(self) -> None:
+        """End all nodes as Ctrl-C would, and see that they end well.
+
+        Raises:
+            GarmentSimError: One did not end in time, or with an exit code other than 0.
+        """
+        self.check()
+        self._end()
+        for name, process in self._processes.items():
+            if process.returncode != 0:
+                raise GarmentSimError(
+                    f"{name}: ended with exit code {process.returncode} after SIGINT; "
+                    f"it said: {self.last_words(name)}"
+                )
+
+    @_interrupts_held()
+    def _end(self) -> None:
+        for sign in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            running = [p for p in self._processes.values() if p.poll() is None]
+            for process in running:
+                process.send_signal(sign)
+            limit = time.monotonic() + _PATIENCE
+            for process in running:
+                try:
+                    process.wait(max(0.0, limit - time.monotonic()))
+                except subprocess.TimeoutExpired:
+                    continue

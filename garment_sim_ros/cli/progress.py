@@ -1,0 +1,64 @@
+"""Progress on stderr, for what takes longer than two seconds."""
+
+import sys
+from collections.abc import Iterable, Iterator
+from typing import TypeVar
+
+from tqdm import tqdm
+
+Item = TypeVar("Item")
+
+_DELAY = 2.0
+
+
+def _interval() -> float:
+    """Seconds between updates; fewer lines where they end in a file."""
+    return 0.2 if sys.stderr.isatty() else 5.0
+
+
+def progress(items: Iterable[Item], text: str, total: int | None = None) -> Iterator[Item]:
+    """Pass `items` on and show how far it is.
+
+    Args:
+        items: What is worked through.
+        text: What is being done.
+        total: Number of items, where `items` does not know it.
+    """
+    yield from tqdm(
+        items,
+        desc=text,
+        total=total,
+        delay=_DELAY,
+        leave=False,
+        file=sys.stderr,
+        mininterval=_interval(),
+    )
+
+
+class Waiting:
+    """Shows for how long something of unknown length has been going on, and what it says.
+
+    Args:
+        text: What is being waited for.
+    """
+
+    def __init__(self, text: str) -> None:
+        self._bar = tqdm(
+            desc=text,
+            delay=_DELAY,
+            leave=False,
+            file=sys.stderr,
+            mininterval=_interval(),
+            bar_format="{desc} {elapsed}{postfix}",
+        )
+
+    def __enter__(self) -> "Waiting":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._bar.close()
+
+    def show(self, words: str) -> None:
+        """Still waiting; `words` is the latest news."""
+        self._bar.set_postfix_str(words[:70], refresh=False)
+        self._bar.update()

@@ -1,0 +1,1 @@
+"""From a body to colliders: fitting, segmentation and the JSON description."""

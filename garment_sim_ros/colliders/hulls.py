@@ -1,0 +1,329 @@
+"""Convex-hull colliders for any body: regions, hulls, simplification, joints (Sun et al. 2007).
+
+Each rigid region of the skin becomes a hull, or several where one would be much too fat; joints
+get a sphere or a hull that turns halfway. All of it is verified: no skin of a region is outside
+its hulls.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.body.major_bones import major_bones
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.colliders.capsules import frame_colliders
+from garment_sim_ros.colliders.convex_parts import convex_parts
+from garment_sim_ros.colliders.hull import (
+    Hull,
+    clearance,
+    convex_hull,
+    inflate_planes,
+    inflate_vertices,
+)
+from garment_sim_ros.colliders.hull_placement import QUADRIC, VOLUME
+from garment_sim_ros.colliders.hull_simplify import Simplification, simplify_hull
+from garment_sim_ros.colliders.joint_shapes import (
+    SHARE,
+    Joint,
+    band_hull,
+    fits_sphere,
+    gaps,
+    half_turned_height,
+    is_covered,
+    joints,
+    needed_radius,
+)
+from garment_sim_ros.colliders.regions import Regions, region_surface, skin_regions
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.obb import oriented_box
+from garment_sim_ros.geometry.shapes import Collider, ColliderSet
+from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
+from garment_sim_ros.params import parameter, validated
+
+FloatArray = NDArray[np.float64]
+
+_MOST_PARTS = 20
+"""Most hulls for one region; a body without a rig is one region."""
+_ROUNDING = 1e-9
+"""Share by which an un-inflated hull grows."""
+_NO_THINNER = 1e-3
+"""Radius that a capsule in the place of a flat region has at least [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HullSettings:
+    """How to fit hulls."""
+
+    delta: float = parameter(
+        0.003, "Inflation of all hulls and spheres.", unit="m", minimum=0.0, maximum=0.05
+    )
+    max_faces: int = parameter(
+        80, "Triangles that a hull is simplified to, where that fits.", minimum=4, maximum=100000
+    )
+    reach: float = parameter(
+        3.0, "Farthest that a simplified hull reaches out, in deltas.", minimum=1.0, maximum=100.0
+    )
+    placement: str = parameter(
+        "quadric",
+        "Where simplified corners go: near the inflated hull, or as tight as allowed.",
+        choices=("quadric", "volume"),
+    )
+    inflation: str = parameter(
+        "vertices",
+        "What moves out by delta: corners, as in the paper, or faces, which then get all of it.",
+        choices=("vertices", "planes"),
+    )
+    merge: float = parameter(
+        0.0,
+        "A region with a smaller share of the skin joins the next one.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    split: float = parameter(
+        0.005,
+        "A region is cut in two where that saves this share of all hulls' volume; 1 for never.",
+        minimum=1e-4,
+        maximum=1.0,
+    )
+    joints: str = parameter(
+        "auto",
+        "Colliders at joints: spheres where they fit and half-turning hulls elsewhere, spheres "
+        "that contain all that bends (the paper's), or none.",
+        choices=("auto", "spheres", "none"),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShapeFit:
+    """How one collider came about; lengths in metres, volumes in cubic metres.
+
+    Attributes:
+        name: The collider's.
+        kind: Its kind.
+        faces_before: Triangles of the hull before inflation, 0 for other kinds.
+        faces: Triangles of the collider, 0 for other kinds.
+        volume_before: Volume of the hull before inflation.
+        volume: Volume of the collider's hull.
+        clearance_min: What the worst face has gained over the un-inflated hull.
+        clearance_mean: What faces have gained on average.
+        outside: Skin points of its region that are outside it; 0 unless the fit is faulty.
+        note: What was done instead of a hull, or about a joint; empty for a plain hull.
+    """
+
+    name: str
+    kind: str
+    faces_before: int = 0
+    faces: int = 0
+    volume_before: float = 0.0
+    volume: float = 0.0
+    clearance_min: float = 0.0
+    clearance_mean: float = 0.0
+    outside: int = 0
+    note: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HullFit:
+    """Fitted colliders and how each came about, in the same order without the frames."""
+
+    colliders: ColliderSet
+    shapes: tuple[ShapeFit, ...] = field(default_factory=tuple)
+
+
+def fit_hulls(
+    body: Body, settings: HullSettings | None = None, *, thickness: float = 0.002
+) -> HullFit:
+    """Hulls, joint colliders, and one frame per major bone.
+
+    Args:
+        body: Rig and skin; without a rig the skin is cut into convex parts.
+        settings: How; the defaults give a human about 20 hulls.
+        thickness: Distance that cloth keeps on top [m].
+
+    Raises:
+        ParameterError: A setting out of range.
+        GeometryError: The skin has no triangles.
+    """
+    settings = validated(HullSettings, vars(settings or HullSettings()))
+    if len(body.skin.triangles) == 0:
+        raise GeometryError(f"body {body.name!r} has no triangles to fit hulls to")
+    regions = skin_regions(body, merge=settings.merge)
+    surfaces = [region_surface(body.skin, regions, m) for m in range(len(regions))]
+    total = sum(_volume(surface) for surface in surfaces)
+    colliders: list[Collider] = []
+    shapes: list[ShapeFit] = []
+    hulls: list[tuple[int, Hull]] = []
+    for m, surface in enumerate(surfaces):
+        if len(surface) == 0:
+            continue
+        bone = regions.names[m]
+        T_bone_bind = body.skin.T_bone_bind[regions.joint[m]]
+        saving = max(settings.split * total, 1e-12)
+        parts = convex_parts(surface, saving=saving, most=_MOST_PARTS)
+        for k, part in enumerate(parts):
+            name = bone if len(parts) == 1 else f"{bone}_{k}"
+            points = part.reshape(-1, 3)
+            try:
+                inner = convex_hull(points)
+            except GeometryError as error:
+                colliders.append(_capsule_around(name, bone, points, settings.delta, T_bone_bind))
+                shapes.append(ShapeFit(name=name, kind="capsule", note=f"no hull: {error}"))
+                continue
+            hull = _fitted(inner, points, settings)
+            hulls.append((m, hull))
+            colliders.append(_collider(name, bone, hull, T_bone_bind))
+            shapes.append(_figures(name, inner, hull, points))
+    for collider, shape in _joint_colliders(body, regions, hulls, settings):
+        colliders.append(collider)
+        shapes.append(shape)
+    frames = frame_colliders(major_bones(body))
+    return HullFit(
+        colliders=ColliderSet(colliders=(*colliders, *frames), thickness=thickness),
+        shapes=tuple(shapes),
+    )
+
+
+def _volume(surface: FloatArray) -> float:
+    try:
+        return convex_hull(surface.reshape(-1, 3)).volume
+    except GeometryError:
+        return 0.0
+
+
+def _fitted(inner: Hull, points: FloatArray, settings: HullSettings) -> Hull:
+    """Inflate and simplify; the result contains the points, verified."""
+    inflate = inflate_vertices if settings.inflation == "vertices" else inflate_planes
+    how = Simplification(
+        max_faces=settings.max_faces,
+        outside=settings.reach * settings.delta,
+        objective=QUADRIC if settings.placement == "quadric" else VOLUME,
+    )
+    if settings.delta > 0.0:
+        start = inflate(inner, settings.delta)
+        for candidate in (simplify_hull(start, inner, how), start):
+            if not candidate.outside(points).any():
+                return candidate
+    # Without slack a point on a face may be outside by rounding.
+    middle = inner.vertices.mean(axis=0)
+    return Hull(middle + (inner.vertices - middle) * (1.0 + _ROUNDING), inner.faces)
+
+
+def _figures(name: str, inner: Hull, hull: Hull, points: FloatArray, note: str = "") -> ShapeFit:
+    gained = clearance(hull, inner)
+    return ShapeFit(
+        name=name,
+        kind="hull",
+        faces_before=len(inner.faces),
+        faces=len(hull.faces),
+        volume_before=inner.volume,
+        volume=hull.volume,
+        clearance_min=float(gained.min()),
+        clearance_mean=float(gained.mean()),
+        outside=int(hull.outside(points).sum()),
+        note=note,
+    )
+
+
+def _joint_colliders(
+    body: Body, regions: Regions, hulls: list[tuple[int, Hull]], settings: HullSettings
+) -> list[tuple[Collider, ShapeFit]]:
+    """A sphere, a half-turning hull, or nothing for each joint."""
+    if settings.joints == "none" or not hulls:
+        return []
+    skin = MeshDistance(body.skin.vertices, body.skin.triangles)
+    made = []
+    for joint in joints(body, regions, skin):
+        posed, height = gaps(joint, hulls)
+        if is_covered(height):
+            continue
+        radius = needed_radius(posed, height)
+        hull = None
+        if settings.joints == "auto" and not fits_sphere(joint, radius):
+            hull = band_hull(body, regions, joint)
+        made.append(
+            _joint_sphere(regions, joint, radius + settings.delta, height)
+            if hull is None
+            else _joint_hull(body, regions, joint, hull, posed, height, settings)
+        )
+    return made
+
+
+def _joint_sphere(
+    regions: Regions, joint: Joint, radius: float, height: FloatArray
+) -> tuple[Collider, ShapeFit]:
+    name = f"joint_{regions.names[joint.region]}"
+    note = (
+        f"covers {1e3 * height.max():.1f} mm that open through the range of motion; "
+        f"stands off the nearest skin by {1e3 * (radius - joint.depth):.1f} mm"
+    )
+    sphere = Collider(
+        name=name,
+        kind="sphere",
+        bone=regions.names[joint.region],
+        geometry={"radius": radius},
+    )
+    return sphere, ShapeFit(name=name, kind="sphere", note=note)
+
+
+def _joint_hull(
+    body: Body,
+    regions: Regions,
+    joint: Joint,
+    inner: Hull,
+    posed: FloatArray,
+    height: FloatArray,
+    settings: HullSettings,
+) -> tuple[Collider, ShapeFit]:
+    bone = regions.names[joint.region]
+    hull = _fitted(inner, inner.vertices, settings)
+    left = np.minimum(height, half_turned_height(joint, posed, hull)).max()
+    note = (
+        f"turns halfway; leaves {1e3 * max(left, 0.0):.1f} of {1e3 * height.max():.1f} mm "
+        "that open through the range of motion"
+    )
+    T_bone_bind = body.skin.T_bone_bind[regions.joint[joint.region]]
+    collider = _collider(f"joint_{bone}", bone, hull, T_bone_bind, share=SHARE)
+    return collider, _figures(collider.name, inner, hull, inner.vertices, note)
+
+
+def _collider(
+    name: str, bone: str, hull: Hull, T_bone_bind: FloatArray, share: float | None = None
+) -> Collider:
+    """A hull given in the bind pose as a collider in the frame of its oriented box."""
+    box = oriented_box(hull.vertices, hull.faces)
+    geometry: dict[str, object] = {"vertices": box.local(hull.vertices), "faces": hull.faces}
+    if share is not None:
+        geometry["share"] = share
+    return Collider(
+        name=name,
+        kind="hull",
+        bone=bone,
+        position=transform_points(T_bone_bind, box.centre[None])[0],
+        orientation=quaternion_from_matrix(T_bone_bind[:3, :3] @ box.axes),
+        geometry=geometry,
+    )
+
+
+def _capsule_around(
+    name: str, bone: str, points: FloatArray, delta: float, T_bone_bind: FloatArray
+) -> Collider:
+    """A capsule that contains points which have no hull, along their longest axis."""
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    _, _, axes = np.linalg.svd(points - middle)
+    z = axes[0]
+    along = (points - middle) @ z
+    across = np.linalg.norm(points - middle - along[:, None] * z, axis=1)
+    radius = max(float(across.max()) + delta, _NO_THINNER)
+    x = axes[1]
+    frame = np.column_stack([x, np.cross(z, x), z])
+    start = middle + along.min() * z
+    return Collider(
+        name=name,
+        kind="capsule",
+        bone=bone,
+        position=transform_points(T_bone_bind, start[None])[0],
+        orientation=quaternion_from_matrix(T_bone_bind[:3, :3] @ frame),
+        geometry={"radius0": radius, "radius1": radius, "length": float(np.ptp(along))},
+    )

@@ -1,0 +1,160 @@
+"""Colliders at joints: what covers the skin that bends.
+
+The rigid regions' hulls fit in the bind pose; when a joint turns, a wedge opens on its outer side.
+Sun et al. 2007, section 3.1, put a sphere about the joint that contains the flexible vertices.
+That fits elbows and wrists; about a hip or in the trunk it would stand off the body by
+centimetres. Where it would, a hull of the skin that both bones move alike takes its place, turning
+by half the joint's rotation as that skin does.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.colliders.convex_parts import split
+from garment_sim_ros.colliders.hull import Hull, convex_hull
+from garment_sim_ros.colliders.range_of_motion import joint_rotations
+from garment_sim_ros.colliders.regions import Regions
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.transforms import invert_transform
+
+FloatArray = NDArray[np.float64]
+
+SHARE = 0.5
+"""Share of the joint's rotation that a joint's hull takes part in."""
+_BAND = (0.25, 0.75)
+"""Weights of the lower bone between which skin belongs to a joint's hull."""
+_COVERED = 0.001
+"""Skin that leaves the colliders by less than this needs no further one [m]."""
+_FAT = 0.008
+"""Farthest that a sphere may stand off the skin nearest to the joint [m]."""
+_SAMPLES = 250
+"""Most skin points that are moved through a joint's range."""
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint between a region and the one above it, in the bind pose.
+
+    Attributes:
+        region: The lower region.
+        centre: The joint's position [m], shape [3].
+        depth: Distance from there to the nearest skin [m], negative outside the body.
+        points: Skin points that both sides move [m], shape [n, 3].
+        weight: Weight of the lower side at each, shape [n].
+        rotations: Rotations through the joint's range, shape [k, 3, 3].
+        below: Regions that the joint turns.
+    """
+
+    region: int
+    centre: FloatArray
+    depth: float
+    points: FloatArray
+    weight: FloatArray
+    rotations: FloatArray
+    below: frozenset[int]
+
+
+def joints(body: Body, regions: Regions, skin: MeshDistance) -> list[Joint]:
+    """All joints about which skin bends."""
+    bone_of = {joint: bone for bone, joint in body.humanoid.items()}
+    found = []
+    for m in range(len(regions)):
+        if regions.parent[m] < 0:
+            continue
+        below = {m}
+        for k in range(m + 1, len(regions)):
+            if int(regions.parent[k]) in below:
+                below.add(k)
+        weight = regions.weight[:, sorted(below)].sum(axis=1)
+        bends = np.flatnonzero((weight > 0.001) & (weight < 0.999))
+        own = body.skin.vertices[regions.owner == m]
+        if len(bends) == 0 or len(own) == 0:
+            continue
+        centre = invert_transform(body.skin.T_bone_bind[regions.joint[m]])[:3, 3]
+        along = own.mean(axis=0) - centre
+        length = float(np.linalg.norm(along))
+        along = along / length if length > 1e-6 else np.array([0.0, 0.0, 1.0])
+        bends = bends[:: max(1, len(bends) // _SAMPLES)]
+        found.append(
+            Joint(
+                region=m,
+                centre=centre,
+                depth=-float(skin.signed_distance(centre[None])[0][0]),
+                points=body.skin.vertices[bends],
+                weight=weight[bends],
+                rotations=joint_rotations(bone_of.get(regions.names[m], ""), along),
+                below=frozenset(below),
+            )
+        )
+    return found
+
+
+def gaps(joint: Joint, hulls: list[tuple[int, Hull]]) -> tuple[FloatArray, FloatArray]:
+    """Skin points through a joint's range, and how far they leave the regions' hulls.
+
+    Args:
+        joint: The joint; it alone turns, and skin follows by linear blending.
+        hulls: Region and hull, all in the bind pose.
+
+    Returns:
+        Positions relative to the joint [m], shape [k, n, 3], and their distances to the nearest
+        hull's planes, negative inside [m], shape [k, n].
+    """
+    arm = joint.points - joint.centre
+    turned = arm @ np.swapaxes(joint.rotations, 1, 2)
+    w = joint.weight[:, None]
+    posed = (1.0 - w) * arm + w * turned
+    height = np.full(posed.shape[:2], np.inf)
+    low, high = joint.points.min(axis=0) - 0.05, joint.points.max(axis=0) + 0.05
+    for region, hull in hulls:
+        if (hull.vertices.min(axis=0) > high).any() or (hull.vertices.max(axis=0) < low).any():
+            continue
+        seen = posed @ joint.rotations if region in joint.below else posed
+        own = hull.height(seen.reshape(-1, 3) + joint.centre).reshape(height.shape)
+        np.minimum(height, own, out=height)
+    return posed, height
+
+
+def needed_radius(posed: FloatArray, height: FloatArray) -> float:
+    """Radius of the sphere about the joint that contains all skin out of the hulls [m]."""
+    outside = height > 0.0
+    return float(np.linalg.norm(posed[outside], axis=1).max()) if outside.any() else 0.0
+
+
+def band_hull(body: Body, regions: Regions, joint: Joint) -> Hull | None:
+    """Hull of the skin that both sides of a joint move about alike, in the bind pose."""
+    weight = regions.weight[:, sorted(joint.below)].sum(axis=1)
+    corners = np.column_stack([body.skin.vertices, weight])[body.skin.triangles]
+    _, corners, _ = split(corners, corners[..., 3] - _BAND[0])
+    corners, _, _ = split(corners, corners[..., 3] - _BAND[1])
+    try:
+        return convex_hull(corners[..., :3].reshape(-1, 3))
+    except GeometryError:
+        return None
+
+
+def half_turned_height(joint: Joint, posed: FloatArray, hull: Hull) -> FloatArray:
+    """Distances to the planes of a hull that turns by `SHARE`, like those of `gaps`."""
+    half = _halves(joint.rotations)
+    seen = posed @ half + joint.centre
+    return hull.height(seen.reshape(-1, 3)).reshape(posed.shape[:2])
+
+
+def _halves(rotations: FloatArray) -> FloatArray:
+    """Rotations by half the angle: the middle between the identity and each, projected."""
+    u, _, vt = np.linalg.svd(np.eye(3) + rotations)
+    return u @ vt
+
+
+def is_covered(height: FloatArray) -> bool:
+    """Whether what sticks out is not worth a collider."""
+    return height.size == 0 or float(height.max()) <= _COVERED
+
+
+def fits_sphere(joint: Joint, radius: float) -> bool:
+    """Whether a sphere about the joint stays near the skin."""
+    return radius <= max(joint.depth, 0.0) + _FAT

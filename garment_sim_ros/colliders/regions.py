@@ -1,0 +1,159 @@
+"""Rigid and flexible regions of the skin, from the skin weights.
+
+Every vertex belongs to the bone with the largest weight. Regions meet on the line where two bones
+weigh the same: a triangle that the line crosses is cut there, so that the regions' pieces cover
+all of the surface and not only its vertices.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.body.major_bones import MajorBones, major_bones
+from garment_sim_ros.body.skin import Body, Skin
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+_ALSO = ("upperChest", "leftToes", "rightToes")
+"""Bones that are not major but bend so far from the one above that hulls need them."""
+_FLEXIBLE = 0.02
+"""A vertex on which two bones have at least this weight is flexible."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Regions:
+    """The skin divided among bones.
+
+    Attributes:
+        names: Joint name of each bone, length m.
+        joint: Its joint index, shape [m].
+        parent: Region above each, -1 at the top, shape [m].
+        weight: Skin weights summed over the joints that belong to each bone, shape [v, m].
+        owner: Bone with the largest weight at each vertex, shape [v].
+    """
+
+    names: tuple[str, ...]
+    joint: IntArray
+    parent: IntArray
+    weight: FloatArray
+    owner: IntArray
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def flexible(self, region: int) -> IntArray:
+        """Vertices that move with both a region's bone and its parent's."""
+        above = int(self.parent[region])
+        if above < 0:
+            return np.zeros(0, np.int32)
+        both = np.minimum(self.weight[:, region], self.weight[:, above]) >= _FLEXIBLE
+        return np.flatnonzero(both).astype(np.int32)
+
+
+def skin_regions(body: Body, *, merge: float = 0.0) -> Regions:
+    """Regions of a body's major bones, and of those that bend as far.
+
+    Args:
+        body: Rig and skin.
+        merge: A region with less than this share of the skin's area joins the one above it, or
+            the largest one below it if it is the topmost.
+    """
+    bones = major_bones(body, also=_ALSO)
+    weight = bone_weights(body.skin, bones)
+    area = vertex_areas(body.skin)
+    parent = bones.parent.copy()
+    alive = np.ones(len(bones), dtype=np.bool_)
+    while True:
+        owner = np.where(alive, weight, -1.0).argmax(axis=1)
+        share = np.bincount(owner, area, minlength=len(bones)) / area.sum()
+        small = [m for m in np.flatnonzero(alive) if share[m] < merge]
+        if not small or alive.sum() == 1:
+            break
+        m = min(small, key=lambda r: share[r])
+        target = int(parent[m])
+        below = np.flatnonzero(alive & (parent == m))
+        if target < 0:
+            others = below if len(below) else np.flatnonzero(alive & (np.arange(len(bones)) != m))
+            target = int(others[np.argmax(share[others])])
+            parent[target] = -1
+        weight[:, target] += weight[:, m]
+        weight[:, m] = 0.0
+        alive[m] = False
+        parent[below[below != target]] = target
+    kept = np.flatnonzero(alive)
+    number = np.full(len(bones) + 1, -1, dtype=np.int32)  # the last one is for parent -1
+    number[kept] = np.arange(len(kept))
+    return Regions(
+        names=tuple(bones.names[m] for m in kept),
+        joint=bones.joint[kept],
+        parent=number[parent[kept]],
+        weight=np.ascontiguousarray(weight[:, kept]),
+        owner=number[owner],
+    )
+
+
+def region_surface(skin: Skin, regions: Regions, region: int) -> FloatArray:
+    """A region's piece of the surface in the bind pose: corners of triangles [m], shape [t, 3, 3].
+
+    Triangles that several regions share are cut where two bones weigh the same, those of three
+    regions also at their centres, so that all pieces together are the whole surface.
+    """
+    owner = regions.owner[skin.triangles]
+    mine = owner == region
+    count = mine.sum(axis=1)
+    pieces = [skin.vertices[skin.triangles[count == 3]]]
+    for lone in (True, False):  # one corner is ours, or one is not
+        cut = np.flatnonzero(count == (1 if lone else 2))
+        first = np.argmax(mine[cut] == lone, axis=1)
+        a, b, c = (skin.triangles[cut, (first + k) % 3] for k in range(3))
+        ab, ac = _border(skin, regions, a, b), _border(skin, regions, a, c)
+        xa, xb, xc = skin.vertices[a], skin.vertices[b], skin.vertices[c]
+        if not lone:
+            pieces += [np.stack([ab, xb, xc], axis=1), np.stack([ab, xc, ac], axis=1)]
+            continue
+        pieces.append(np.stack([xa, ab, ac], axis=1))
+        three = regions.owner[b] != regions.owner[c]
+        centre = (xa + xb + xc)[three] / 3.0
+        pieces.append(np.stack([ab[three], centre, ac[three]], axis=1))
+    return np.concatenate(pieces)
+
+
+def _border(skin: Skin, regions: Regions, i: IntArray, j: IntArray) -> FloatArray:
+    """Where the owners of vertices i and j weigh the same on the edge between, shape [n, 3]."""
+    swap = i > j  # the same bits from both sides
+    i, j = np.where(swap, j, i), np.where(swap, i, j)
+    a, b = regions.owner[i], regions.owner[j]
+    lead = regions.weight[i, a] - regions.weight[i, b]
+    lag = regions.weight[j, b] - regions.weight[j, a]
+    s = (lead / np.maximum(lead + lag, 1e-12))[:, None]
+    return (1.0 - s) * skin.vertices[i] + s * skin.vertices[j]
+
+
+def bone_weights(skin: Skin, bones: MajorBones) -> FloatArray:
+    """Skin weights summed over the joints that each major bone owns, shape [v, m]."""
+    vertices, influences = skin.bone.shape
+    weights = np.zeros((vertices, len(bones.names)))
+    row = np.repeat(np.arange(vertices), influences)
+    np.add.at(weights, (row, bones.owner[skin.bone].ravel()), skin.weight.ravel())
+    return weights
+
+
+def vertex_areas(skin: Skin) -> FloatArray:
+    """A third of the area of the triangles at each vertex [m^2], shape [v]."""
+    a, b, c = skin.vertices[skin.triangles].transpose(1, 0, 2)
+    third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
+    areas: FloatArray = np.zeros(len(skin.vertices))
+    np.add.at(areas, skin.triangles, third[:, None])
+    return areas
+
+
+def vertex_normals(skin: Skin) -> FloatArray:
+    """Area-weighted unit normals, zero where there is no area, shape [v, 3]."""
+    a, b, c = skin.vertices[skin.triangles].transpose(1, 0, 2)
+    normals = np.zeros_like(skin.vertices)
+    for corner in range(3):
+        np.add.at(normals, skin.triangles[:, corner], np.cross(b - a, c - a))
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return normals / np.where(length > 0.0, length, 1.0)

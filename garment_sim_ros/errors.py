@@ -1,0 +1,58 @@
+"""The one exception family of the package.
+
+A message names the file or option, the value found and what is allowed, for example
+``walk.bvh: joint 'Hips' has 7 channels; 0 to 6 are allowed``.
+"""
+
+
+class GarmentSimError(Exception):
+    """Base of all errors that this package raises on purpose."""
+
+
+class InputFileError(GarmentSimError):
+    """A file is missing, unreadable or holds something that is not allowed.
+
+    Args:
+        path: The file as the user named it.
+        problem: What is wrong, with the value found.
+        allowed: What would have been accepted.
+    """
+
+    def __init__(self, path: object, problem: str, allowed: str = "") -> None:
+        self.path = str(path)
+        self.problem = problem
+        self.allowed = allowed
+        super().__init__(f"{path}: {problem}" + (f"; {allowed}" if allowed else ""))
+
+
+class ParameterError(GarmentSimError):
+    """An option or parameter has a value outside its declared type or range.
+
+    Args:
+        name: The option's or parameter's name.
+        problem: What is wrong, with the value found.
+        allowed: What would have been accepted.
+    """
+
+    def __init__(self, name: str, problem: str, allowed: str = "") -> None:
+        self.name = name
+        self.problem = problem
+        self.allowed = allowed
+        super().__init__(f"{name}: {problem}" + (f"; {allowed}" if allowed else ""))
+
+
+class GeometryError(GarmentSimError):
+    """A mesh, skeleton or shape cannot be used as it is (degenerate, open, not finite)."""
+
+
+class MessageError(GarmentSimError):
+    """An incoming message is rejected; the receiver keeps its last good state.
+
+    Args:
+        reason: A short fixed key under which rejections are counted on ``/diagnostics``.
+        detail: What was found and what is allowed.
+    """
+
+    def __init__(self, reason: str, detail: str) -> None:
+        self.reason = reason
+        super().__init__(f"{reason}: {detail}")

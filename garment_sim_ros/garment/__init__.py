@@ -1,0 +1,1 @@
+"""Garments: meshes, generators, attachments, materials and outfit files."""

@@ -1,0 +1,145 @@
+"""How a garment rides on its body: frames it would follow as skin, and pinned vertices."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.body.major_bones import major_bones
+from garment_sim_ros.colliders.regions import bone_weights
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.garment.connectivity import adjacency
+from garment_sim_ros.garment.measures import Measures
+from garment_sim_ros.garment.mesh import GarmentMesh
+from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.topology import boundary_loops, vertex_normals
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+FRAMES_PER_VERTEX = 4
+
+_SMOOTHING_LENGTH = 0.06  # weights are blended over this distance on a person of 1.65 m [m]
+_SHOULDER_PINS = (0.3, 0.55, 0.8)  # places from the neck's side to the shoulder joint
+
+
+@dataclass(frozen=True, kw_only=True)
+class Binding:
+    """The frames that a garment's vertices follow.
+
+    Attributes:
+        frames: Joint names, length b.
+        T_world_frame: Their transforms in the pose that the garment was made in, [b, 4, 4].
+        index: Frames of each vertex, shape [v, k].
+        weight: Weights of those frames, rows sum to 1, shape [v, k].
+    """
+
+    frames: tuple[str, ...]
+    T_world_frame: FloatArray
+    index: IntArray
+    weight: FloatArray
+
+    def heaviest(self, vertices: IntArray) -> int:
+        """The frame that carries most of these vertices' weight."""
+        chosen = self.index[vertices].ravel(), self.weight[vertices].ravel()
+        return int(np.argmax(np.bincount(*chosen, minlength=len(self.frames))))
+
+
+def bind(measures: Measures, mesh: GarmentMesh, covered: IntArray) -> Binding:
+    """Skin weights of major bones carried over to a garment.
+
+    Each vertex takes the weights at the nearest point of the skin; they are then smoothed over
+    the garment, so that cloth between two legs or under an arm follows both sides.
+
+    Args:
+        measures: The body in the pose of the garment.
+        mesh: The garment.
+        covered: Triangles of the skin that the garment may lie on, shape [t, 3].
+
+    Raises:
+        GeometryError: No skin to lie on.
+    """
+    if not len(covered):
+        raise GeometryError(f"{measures.body.name}: no skin that the garment could lie on")
+    body = measures.body
+    bones = major_bones(body)
+    distance = MeshDistance(measures.vertices, covered)
+    _, closest, triangle = distance.signed_distance(mesh.vertices)
+    corners = covered[triangle]
+    share = _barycentric(measures.vertices[corners], closest)
+    weights = np.einsum("vk,vkm->vm", share, bone_weights(body.skin, bones)[corners])
+
+    neighbours = adjacency(mesh.triangles, len(mesh.vertices))
+    degree = neighbours.sum(axis=1).reshape(-1, 1)
+    a, b = neighbours.nonzero()
+    edge = np.median(np.linalg.norm(mesh.vertices[a] - mesh.vertices[b], axis=1))
+    rounds = int(np.clip((_SMOOTHING_LENGTH * measures.unit / edge) ** 2, 1, 1000))
+    for _ in range(2 * rounds):
+        weights = 0.5 * (weights + np.asarray(neighbours @ weights / degree))
+
+    kept = np.argsort(-weights, axis=1, kind="stable")[:, :FRAMES_PER_VERTEX]
+    weight = np.take_along_axis(weights, kept, axis=1)
+    weight /= weight.sum(axis=1, keepdims=True)
+    weight[weight < 1e-4] = 0.0
+    weight /= weight.sum(axis=1, keepdims=True)
+    used = np.unique(kept[weight > 0.0])
+    number = np.zeros(len(bones), dtype=np.int32)
+    number[used] = np.arange(len(used))
+    return Binding(
+        frames=tuple(bones.names[i] for i in used),
+        T_world_frame=measures.T_world_joint[bones.joint[used]],
+        index=np.where(weight > 0.0, number[kept], 0).astype(np.int32),
+        weight=weight,
+    )
+
+
+def waist_pins(mesh: GarmentMesh) -> IntArray:
+    """The boundary loop that lies highest: the waist of skirts and trousers.
+
+    Raises:
+        GeometryError: The garment has no open boundary.
+    """
+    loops = boundary_loops(mesh.triangles)
+    if not loops:
+        raise GeometryError("the garment has no open edge to pin at the waist")
+    return np.sort(max(loops, key=lambda loop: mesh.vertices[loop, 2].mean()))
+
+
+def shoulder_pins(measures: Measures, mesh: GarmentMesh) -> IntArray:
+    """A few vertices on top of both shoulders, between neck and shoulder joint.
+
+    Raises:
+        GeometryError: The garment does not lie on the shoulders.
+    """
+    x = mesh.vertices
+    normal = np.empty_like(x)
+    vertex_normals(x, mesh.triangles, normal)
+    pins: list[int] = []
+    neck = measures.neck_base
+    for side in ("left", "right"):
+        shoulder = measures.joint(f"{side}UpperArm")
+        outward = np.sign(shoulder[1] - neck.centre[1])
+        inner = neck.centre + np.array([0.0, outward * neck.radius, 0.0])
+        on_top = np.flatnonzero((normal[:, 2] > 0.4) & (x[:, 2] > measures.waist))
+        for s in _SHOULDER_PINS:
+            place = inner + s * (shoulder - inner)
+            free = np.setdiff1d(on_top, pins)
+            apart = np.linalg.norm(x[free, :2] - place[:2], axis=1)
+            if not free.size or apart.min() > 0.1 * measures.unit:
+                raise GeometryError("the garment does not lie on the shoulders")
+            pins.append(free[np.argmin(apart)])
+    return np.sort(pins).astype(np.int32)
+
+
+def _barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
+    """Barycentric coordinates of points [n, 3] on triangles [n, 3, 3], clipped and normalised."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    normal = np.cross(b - a, c - a)
+    squared = np.maximum(np.einsum("ni,ni->n", normal, normal), 1e-300)
+    parts = [
+        np.einsum("ni,ni->n", np.cross(q - p, points - p), normal) / squared
+        for p, q in ((b, c), (c, a), (a, b))
+    ]
+    share = np.clip(np.stack(parts, axis=1), 0.0, 1.0)
+    total = share.sum(axis=1, keepdims=True)
+    return np.where(total > 0.0, share / np.where(total > 0.0, total, 1.0), 1.0 / 3.0)

@@ -1,0 +1,214 @@
+"""From a garment's mesh and a body to a garment ready to be simulated."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.body.major_bones import major_bones
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.garment.attachments import Binding, bind, shoulder_pins, waist_pins
+from garment_sim_ros.garment.garment import Garment, without_bones
+from garment_sim_ros.garment.letting_out import let_out
+from garment_sim_ros.garment.measures import Measures
+from garment_sim_ros.garment.mesh import GarmentMesh
+from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.shapes import ColliderSet
+from garment_sim_ros.geometry.topology import vertex_normals
+from garment_sim_ros.params import Material
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+AUTOMATIC = "auto"
+NONE = "none"
+
+_OFF_THE_BODY = 0.3  # median distance to the skin from which a garment is not on it [m]
+_DEEPEST = 0.03  # vertices deeper under the skin than this are not a fit of millimetres [m]
+_CLEARANCE = 0.002  # where vertices under the skin are put [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attachment:
+    """Vertices that ride rigidly on one bone.
+
+    Attributes:
+        bone: Joint name, or humanoid bone name.
+        vertices: Vertex indices in the garment's order.
+    """
+
+    bone: str
+    vertices: tuple[int, ...]
+
+
+def dressed(
+    name: str,
+    mesh: GarmentMesh,
+    measures: Measures,
+    material: Material,
+    attachments: str | Sequence[Attachment] = AUTOMATIC,
+    colliders: ColliderSet | None = None,
+) -> tuple[Garment, tuple[str, ...]]:
+    """A mesh in its place on a body made a garment.
+
+    Args:
+        name: The garment's name.
+        mesh: Its surface in the frame of the body.
+        measures: The body, in the pose that the garment was made for.
+        material: Its fabric.
+        attachments: "auto" (shoulders where it reaches them, else its highest open edge),
+            "none", or a list.
+        colliders: Where given, the garment is let out to fit over them.
+
+    Returns:
+        The garment, and what was repaired or assumed, one sentence each.
+
+    Raises:
+        GeometryError: The garment is not on the body, or an attachment does not exist.
+    """
+    upper = reaches_shoulders(mesh, measures)
+    covered = covered_skin(measures, upper)
+    mesh, notes = _put_outside(name, mesh, measures, covered)
+    binding = bind(measures, mesh, covered)
+    passed_by = _passed_by(measures, binding, upper)
+    if colliders is not None:
+        met = without_bones(colliders, passed_by)
+        mesh = replace(mesh, vertices=let_out(mesh, measures, met, material.thickness))
+        mesh, _ = _put_outside(name, mesh, measures, covered)
+    if isinstance(attachments, str):
+        if attachments == NONE:
+            pins = np.zeros(0, dtype=np.int32)
+        else:
+            pins = shoulder_pins(measures, mesh) if upper else waist_pins(mesh)
+        frame = binding.heaviest(pins) if pins.size else 0
+        pin_frame = np.full(len(pins), frame, dtype=np.int32)
+    else:
+        pins, pin_frame, binding = _listed_pins(name, mesh, measures, binding, attachments)
+    garment = Garment(
+        name=name,
+        vertices=mesh.vertices,
+        triangles=mesh.triangles,
+        material=material,
+        frames=binding.frames,
+        T_world_frame_rest=binding.T_world_frame,
+        frame_index=binding.index,
+        frame_weight=binding.weight,
+        pins=pins,
+        pin_frame=pin_frame,
+        passed_by=passed_by,
+    )
+    return garment, notes
+
+
+def reaches_shoulders(mesh: GarmentMesh, measures: Measures) -> bool:
+    """Whether a garment hangs from the shoulders rather than from the waist."""
+    try:
+        level = measures.shoulders
+    except GeometryError:
+        return False
+    return bool(mesh.vertices[:, 2].max() > level)
+
+
+def covered_skin(measures: Measures, upper: bool) -> IntArray:
+    """Triangles of the skin that a garment may lie on: no head or hands; no arms for skirts."""
+    sides = ("left", "right")
+    ends = [f"{s}Hand" for s in sides] if upper else [f"{s}UpperArm" for s in sides]
+    left_out = measures.share("head", *ends) > 0.5
+    triangles = measures.body.skin.triangles
+    return triangles[~left_out[triangles].any(axis=1)]
+
+
+def _passed_by(measures: Measures, binding: Binding, upper: bool) -> tuple[str, ...]:
+    """Joints of head, hands and, unless the garment has sleeves there, arms."""
+    parts = ["LowerArm", "Hand"] if upper else ["UpperArm", "LowerArm", "Hand"]
+    humanoid = measures.body.humanoid
+    bones = ["head", *(f"{side}{part}" for part in parts for side in ("left", "right"))]
+    frames = major_bones(measures.body).names
+    worn = {f for k, f in enumerate(binding.frames) if _carried(binding, k) > 0.5}
+    joints = [humanoid[bone] for bone in bones if bone in humanoid]
+    return tuple(joint for joint in joints if joint in frames and joint not in worn)
+
+
+def _carried(binding: Binding, frame: int) -> float:
+    """The largest weight that a frame has at any vertex."""
+    return float(np.where(binding.index == frame, binding.weight, 0.0).max())
+
+
+def _put_outside(
+    name: str, mesh: GarmentMesh, measures: Measures, covered: IntArray
+) -> tuple[GarmentMesh, tuple[str, ...]]:
+    """The mesh with its outside outwards and vertices just under the skin put over it.
+
+    Raises:
+        GeometryError: The mesh is not on the body.
+    """
+    unit = measures.unit
+    notes: tuple[str, ...] = ()
+    distance = MeshDistance(measures.vertices, covered)
+    gap, closest, _ = distance.signed_distance(mesh.vertices)
+    away = float(np.median(np.abs(gap)))
+    if away > _OFF_THE_BODY * unit:
+        raise GeometryError(
+            f"garment {name!r} is {away:.3g} m away from {measures.body.name}; allowed: one in "
+            "its place on the body (is its unit or its up axis another one?)"
+        )
+    triangles = mesh.triangles
+    normal = np.empty_like(mesh.vertices)
+    vertex_normals(mesh.vertices, triangles, normal)
+    outward = (mesh.vertices - closest) * np.sign(gap)[:, None]
+    if np.einsum("vi,vi->", normal, outward) < 0.0:
+        triangles = np.ascontiguousarray(triangles[:, ::-1])
+        notes += ("all triangles were turned: the inside was out",)
+    vertices = mesh.vertices.copy()
+    under = (gap < 0.0) & (gap > -_DEEPEST * unit)
+    if under.any():
+        step = closest[under] - vertices[under]
+        length = np.linalg.norm(step, axis=1, keepdims=True)
+        vertices[under] = closest[under] + step * (_CLEARANCE * unit / np.maximum(length, 1e-300))
+        notes += (
+            f"{under.sum()} vertices up to {-1e3 * gap[under].min():.1f} mm under the skin were "
+            "put over it",
+        )
+    deep = gap <= -_DEEPEST * unit
+    if deep.any():
+        notes += (f"{deep.sum()} vertices are over {1e3 * _DEEPEST * unit:.0f} mm under the skin",)
+    return GarmentMesh(vertices=vertices, triangles=triangles), notes
+
+
+def _listed_pins(
+    name: str,
+    mesh: GarmentMesh,
+    measures: Measures,
+    binding: Binding,
+    attachments: Sequence[Attachment],
+) -> tuple[IntArray, IntArray, Binding]:
+    """Pins, their frames, and the binding with the frames that they need.
+
+    Raises:
+        GeometryError: An unknown bone, or a vertex that does not exist or is pinned twice.
+    """
+    bones = major_bones(measures.body)
+    pins: list[int] = []
+    pin_frame: list[int] = []
+    for attachment in attachments:
+        joint = measures.body.humanoid.get(attachment.bone, attachment.bone)
+        owner = int(bones.owner[measures.body.rig.index(joint)])
+        frame = bones.names[owner]
+        if frame not in binding.frames:
+            T = measures.T_world_joint[bones.joint[owner]]
+            binding = replace(
+                binding,
+                frames=(*binding.frames, frame),
+                T_world_frame=np.concatenate([binding.T_world_frame, T[None]]),
+            )
+        pins += attachment.vertices
+        pin_frame += [binding.frames.index(frame)] * len(attachment.vertices)
+    wrong = [v for v in pins if not 0 <= v < len(mesh.vertices)]
+    if wrong or len(set(pins)) < len(pins):
+        raise GeometryError(
+            f"garment {name!r}: attached vertices "
+            + (f"{wrong[:5]} do not exist" if wrong else "are listed twice")
+            + f"; allowed: different ones from 0 to {len(mesh.vertices) - 1}"
+        )
+    return np.array(pins, dtype=np.int32), np.array(pin_frame, dtype=np.int32), binding

@@ -1,0 +1,124 @@
+"""Built-in garments by name, made for any body."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.garment.dressing import dressed
+from garment_sim_ros.garment.garment import Garment
+from garment_sim_ros.garment.materials import PRESETS
+from garment_sim_ros.garment.measures import Measures
+from garment_sim_ros.garment.mesh import GarmentMesh
+from garment_sim_ros.garment.skirt import skirt
+from garment_sim_ros.garment.tshirt import tshirt as tshirt_mesh
+from garment_sim_ros.geometry.shapes import ColliderSet
+from garment_sim_ros.params import parameter, validated
+
+# Arms that hang closer than this to the vertical are raised to make a shirt, which is then
+# placed on the rest pose like on any other.
+_LEAST_ARM_ANGLE = np.radians(30.0)
+_ARM_ANGLE = np.radians(45.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShortSkirtOptions:
+    """Options of the short skirt."""
+
+    vertices: int = parameter(1687, "Number of vertices.", minimum=60, maximum=100_000)
+    length: float = parameter(
+        0.45, "Hem between crotch (0) and knee (1).", minimum=0.0, maximum=1.5
+    )
+    flare: float = parameter(0.2, "Widening per length below the hips.", minimum=0.0, maximum=1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LongSkirtOptions:
+    """Options of the long skirt."""
+
+    vertices: int = parameter(2235, "Number of vertices.", minimum=60, maximum=100_000)
+    length: float = parameter(
+        0.85, "Hem between knee (0) and sole (1).", minimum=0.0, maximum=0.95
+    )
+    flare: float = parameter(0.15, "Widening per length below the hips.", minimum=0.0, maximum=1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TShirtOptions:
+    """Options of the T-shirt."""
+
+    vertices: int = parameter(1503, "Number of vertices.", minimum=300, maximum=100_000)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Generator:
+    """A kind of garment that can be made.
+
+    Attributes:
+        options: Its parameter group.
+        make: Makes the mesh from a body and options; returns also the pose it was made in.
+    """
+
+    options: type
+    make: Callable[[Measures, Any], tuple[GarmentMesh, Measures]]
+
+
+def _short_skirt(measures: Measures, o: ShortSkirtOptions) -> tuple[GarmentMesh, Measures]:
+    hem = measures.crotch - o.length * (measures.crotch - measures.knee)
+    return skirt(measures, vertices=o.vertices, hem=hem, flare=o.flare), measures
+
+
+def _long_skirt(measures: Measures, o: LongSkirtOptions) -> tuple[GarmentMesh, Measures]:
+    hem = measures.knee - o.length * (measures.knee - measures.sole)
+    return skirt(measures, vertices=o.vertices, hem=hem, flare=o.flare), measures
+
+
+def _tshirt(measures: Measures, o: TShirtOptions) -> tuple[GarmentMesh, Measures]:
+    measures = measures.with_arms_away(_LEAST_ARM_ANGLE, _ARM_ANGLE)
+    return tshirt_mesh(measures, vertices=o.vertices), measures
+
+
+GENERATORS: Mapping[str, Generator] = MappingProxyType(
+    {
+        "short_skirt": Generator(options=ShortSkirtOptions, make=_short_skirt),
+        "long_skirt": Generator(options=LongSkirtOptions, make=_long_skirt),
+        "tshirt": Generator(options=TShirtOptions, make=_tshirt),
+    }
+)
+"""Built-in garments by name."""
+
+
+def short_skirt(body: Body, *, colliders: ColliderSet | None = None, **options: Any) -> Garment:
+    """A short skirt of polyester; options as in `ShortSkirtOptions`.
+
+    Raises:
+        ParameterError: An unknown option or a value out of range.
+        GeometryError: The body lacks bones or skin that a skirt needs.
+    """
+    return _made("short_skirt", body, colliders, options, "polyester")
+
+
+def long_skirt(body: Body, *, colliders: ColliderSet | None = None, **options: Any) -> Garment:
+    """A long skirt of polyester; options as in `LongSkirtOptions`, errors as `short_skirt`."""
+    return _made("long_skirt", body, colliders, options, "polyester")
+
+
+def tshirt(body: Body, *, colliders: ColliderSet | None = None, **options: Any) -> Garment:
+    """A T-shirt of cotton jersey; options as in `TShirtOptions`, errors as `short_skirt`."""
+    return _made("tshirt", body, colliders, options, "cotton_jersey")
+
+
+def _made(
+    name: str,
+    body: Body,
+    colliders: ColliderSet | None,
+    options: Mapping[str, Any],
+    preset: str,
+) -> Garment:
+    generator = GENERATORS[name]
+    mesh, measures = generator.make(Measures(body), validated(generator.options, options))
+    material = PRESETS[preset].material
+    return dressed(name, mesh, measures, material, colliders=colliders)[0]

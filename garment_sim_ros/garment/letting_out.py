@@ -1,0 +1,74 @@
+"""Fitting a garment over colliders, which stand a little off the skin here and there.
+
+A garment cut to the skin would start inside such colliders: pushed out it would be stretched for
+good, most of all next to pins. Like a tailor's letting out, this moves the cut itself.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.garment.connectivity import adjacency
+from garment_sim_ros.garment.measures import Measures
+from garment_sim_ros.garment.mesh import GarmentMesh
+from garment_sim_ros.geometry.contact import Contacts, Sides, collide
+from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
+from garment_sim_ros.geometry.shapes import ColliderSet
+
+FloatArray = NDArray[np.float64]
+
+_ROUNDS = 12
+_SHORTEST = 0.4
+"""No edge gets shorter than this share of its length as cut."""
+
+
+def let_out(
+    mesh: GarmentMesh, measures: Measures, colliders: ColliderSet, thickness: float
+) -> FloatArray:
+    """Positions of the mesh's vertices outside of all colliders.
+
+    Vertices inside are moved out, and their neighbours with them, so that edges keep their
+    lengths as far as they can.
+
+    Args:
+        mesh: The garment.
+        measures: The body in the pose of the garment.
+        colliders: Its colliders.
+        thickness: Distance to keep from them, on top of the set's own [m].
+
+    Returns:
+        Positions [m], shape [v, 3].
+    """
+    poses = ColliderPoser(colliders, measures.body).poses(measures.T_world_joint)
+    origin = mesh.vertices.mean(axis=0)
+    shapes = pack(colliders)
+    posed = PosedShapes.room_for(shapes)
+    pose(shapes, poses, poses, origin, posed)
+    contacts = Contacts.room_for(len(mesh.vertices), len(shapes.kind))
+    sides = Sides.all_under(len(mesh.vertices), len(shapes.kind))
+    start = mesh.vertices - origin
+
+    def outside(x: FloatArray) -> FloatArray:
+        single = x.astype(np.float32)
+        distance = colliders.thickness + thickness
+        collide(shapes, posed, sides, single, single.copy(), distance, 0.0, contacts)
+        return np.where(contacts.shape[:, None] >= 0, single, x)
+
+    neighbours = adjacency(mesh.triangles, len(mesh.vertices))
+    degree = neighbours.sum(axis=1).reshape(-1, 1)
+    moved = outside(start) - start
+    if not moved.any():
+        return mesh.vertices
+    for _ in range(_ROUNDS):
+        moved = 0.5 * (moved + np.asarray(neighbours @ moved / degree))
+        moved = outside(start + moved) - start
+    a, b = neighbours.nonzero()
+    least = _SHORTEST * np.linalg.norm(start[a] - start[b], axis=1)
+    for _ in range(_ROUNDS):
+        # Two vertices moved to one place would leave an edge that any motion stretches.
+        x = start + moved
+        short = np.unique(a[np.linalg.norm(x[a] - x[b], axis=1) < least])
+        if not len(short):
+            break
+        moved[short] = np.asarray(neighbours[short] @ moved) / degree[short]
+    return start + moved + origin

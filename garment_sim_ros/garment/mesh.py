@@ -1,0 +1,71 @@
+"""Loading a garment mesh: read, repaired, turned to z up, refined."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.errors import GeometryError, InputFileError
+from garment_sim_ros.garment.mesh_repair import repaired, triangulate
+from garment_sim_ros.garment.polygon_files import read_polygons
+from garment_sim_ros.garment.subdivide import subdivided
+from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+"""Metres in each unit that a garment file may be in."""
+
+UP_AXES = ("y", "z")
+"""Up axes that a garment file may have; y up faces +z, z up faces +x."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GarmentMesh:
+    """A clean garment surface in its body's frame, z up, x forward.
+
+    Attributes:
+        vertices: Positions [m], shape [v, 3]; the file's vertices in its order, then new ones.
+        triangles: Vertex indices, wound consistently, shape [t, 3].
+        notes: What was repaired or assumed, one sentence each.
+    """
+
+    vertices: FloatArray
+    triangles: IntArray
+    notes: tuple[str, ...] = ()
+
+
+def load_garment_mesh(
+    path: str | Path, *, unit: str = "m", up: str = "y", edge_length: float | None = None
+) -> GarmentMesh:
+    """A garment from an OBJ, PLY or glTF file.
+
+    Args:
+        path: The file.
+        unit: The file's length unit, one of `UNITS`.
+        up: The file's up axis, one of `UP_AXES`.
+        edge_length: Edge length wanted [m], see `subdivided`; None keeps the file's mesh.
+
+    Raises:
+        InputFileError: The file cannot be read, or its surface cannot be repaired.
+    """
+    polygons = read_polygons(path)
+    x = polygons.vertices * UNITS[unit]
+    if up == "y":
+        x = x @ AXES_FROM_Y_UP.T
+    try:
+        vertices, triangles, notes = repaired(x, triangulate(x, polygons.corners, polygons.sizes))
+        if edge_length is not None:
+            before = len(vertices)
+            vertices, triangles = subdivided(vertices, triangles, edge_length)
+            if len(vertices) > before:
+                notes += (
+                    f"{len(vertices) - before} vertices were added for edges of about "
+                    f"{edge_length:g} m",
+                )
+    except GeometryError as error:
+        problem, _, allowed = str(error).partition("; ")
+        raise InputFileError(path, problem, allowed) from error
+    return GarmentMesh(vertices=vertices, triangles=triangles, notes=notes)

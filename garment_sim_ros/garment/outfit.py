@@ -1,0 +1,82 @@
+"""Outfits: the garments of a file made for one body."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.errors import GeometryError, InputFileError
+from garment_sim_ros.garment.dressing import dressed
+from garment_sim_ros.garment.garment import Garment
+from garment_sim_ros.garment.generators import GENERATORS
+from garment_sim_ros.garment.measures import Measures
+from garment_sim_ros.garment.mesh import load_garment_mesh
+from garment_sim_ros.garment.outfit_file import ColliderOptions, GarmentEntry, read_outfit
+from garment_sim_ros.geometry.shapes import ColliderSet
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outfit:
+    """What one body wears.
+
+    Attributes:
+        name: Short name for logs and files.
+        garments: Inner garments before outer ones.
+        text: The outfit file's text.
+        colliders: What the file asks them to lie on.
+        notes: What was repaired or assumed, one sentence each.
+    """
+
+    name: str
+    garments: tuple[Garment, ...]
+    text: str
+    colliders: ColliderOptions
+    notes: tuple[str, ...] = ()
+
+
+def load_outfit(source: str | Path, body: Body, *, colliders: ColliderSet | None = None) -> Outfit:
+    """An outfit made for a body in its rest pose.
+
+    Args:
+        source: A .yaml file, or the name of a built-in outfit.
+        body: The wearer.
+        colliders: What the garments will lie on; they are let out to fit over it. None where only
+            the skin matters.
+
+    Raises:
+        InputFileError: The file, or a mesh that it names, cannot be used.
+        GeometryError: The body lacks bones or skin that a garment needs.
+    """
+    file = read_outfit(source)
+    measures = Measures(body)
+    garments, notes = [], []
+    for entry in file.garments:
+        garment, remarks = _make(file.source, entry, measures, colliders)
+        garments.append(garment)
+        notes += [f"{entry.name}: {remark}" for remark in remarks]
+    return Outfit(
+        name=file.name,
+        garments=tuple(garments),
+        text=file.text,
+        colliders=file.colliders,
+        notes=tuple(notes),
+    )
+
+
+def _make(
+    source: str, entry: GarmentEntry, measures: Measures, colliders: ColliderSet | None
+) -> tuple[Garment, tuple[str, ...]]:
+    if entry.generator is not None:
+        mesh, measures = GENERATORS[entry.generator].make(measures, entry.options)
+    else:
+        assert entry.mesh is not None
+        o = entry.options
+        mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up, edge_length=o.edge_length)
+    try:
+        garment, notes = dressed(
+            entry.name, mesh, measures, entry.material, entry.attachments, colliders
+        )
+    except GeometryError as error:
+        if entry.mesh is None and isinstance(entry.attachments, str):
+            raise  # nothing that the file says: it is the body that does not fit
+        raise InputFileError(source, str(error)) from error
+    return garment, (*mesh.notes, *notes)

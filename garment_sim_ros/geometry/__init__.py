@@ -1,0 +1,1 @@
+"""Geometry shared by all parts: transforms, mesh topology, shapes and distances."""

@@ -1,0 +1,199 @@
+"""Collider shapes as flat arrays: packed once, posed once per step, met by all garments."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.contact_capsule import capsule_size
+from garment_sim_ros.geometry.contact_ellipsoid import ellipsoid_bound, ellipsoid_size
+from garment_sim_ros.geometry.contact_hull import PackedHulls, hull_bound, pack_hulls
+from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.geometry.shapes import KINDS, Collider, ColliderPoses, ColliderSet
+
+FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
+IntArray = NDArray[np.int32]
+
+
+class PackedShapes(NamedTuple):
+    """The shapes of a collider set that can be touched; frames are left out.
+
+    Attributes:
+        kind: Index into `KINDS`, shape [m].
+        collider: Index into the set, shape [m].
+        size: Numbers of the kind, see ``contact_<kind>.py``, shape [m, 4].
+        hull: Index of each hull in `hulls`, 0 for other kinds, shape [m].
+        bound: A capsule that holds the shape, in the shape's frame [m]: start, end and radius,
+            shape [m, 7].
+        hulls: What hulls need besides; None without any, which keeps their code out of kernels.
+    """
+
+    kind: IntArray
+    collider: IntArray
+    size: SingleArray
+    hull: IntArray
+    bound: FloatArray
+    hulls: PackedHulls | None
+
+
+class PosedShapes(NamedTuple):
+    """Shapes at the end of one step, about a local origin; written by `pose`.
+
+    Attributes:
+        centre: Origins of the shapes' frames [m], shape [m, 3].
+        rotation: Their rotation matrices, shape [m, 3, 3].
+        carry: How far a point moves that rides the shape for the step: the linear map (rotation
+            less identity) and the offset, shape [m, 3, 4].
+        bound: Capsules that hold the shapes [m]: start, unit axis, length and radius, shape
+            [m, 8].
+        box: Boxes that hold those: minimum, maximum [m], shape [m, 6].
+    """
+
+    centre: SingleArray
+    rotation: SingleArray
+    carry: SingleArray
+    bound: SingleArray
+    box: SingleArray
+
+    @classmethod
+    def room_for(cls, shapes: PackedShapes) -> "PosedShapes":
+        """Arrays of the right sizes, to be filled by `pose`."""
+        m = len(shapes.kind)
+        return cls(
+            centre=np.zeros((m, 3), np.float32),
+            rotation=np.zeros((m, 3, 3), np.float32),
+            carry=np.zeros((m, 3, 4), np.float32),
+            bound=np.zeros((m, 8), np.float32),
+            box=np.zeros((m, 6), np.float32),
+        )
+
+
+def _packed(collider: Collider) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Size numbers and bounding capsule of one collider, in its own frame."""
+    g = collider.geometry
+    try:
+        if collider.kind == "sphere":
+            r, _, _, _ = capsule_size(float(g["radius"]), 0.0, 0.0)  # type: ignore[arg-type]
+            return (r, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, r)
+        if collider.kind == "capsule":
+            r0, r1, length = (float(g[k]) for k in ("radius0", "radius1", "length"))  # type: ignore[arg-type]
+            return capsule_size(r0, r1, length), (0.0, 0.0, 0.0, 0.0, 0.0, length, max(r0, r1))
+        if collider.kind == "ellipsoid":
+            size = ellipsoid_size(g["radii"])
+            return size, ellipsoid_bound(size)
+        if collider.kind == "hull":
+            return (0.0, 0.0, 0.0, 0.0), hull_bound(np.asarray(g["vertices"], np.float64))
+    except (TypeError, ValueError, GeometryError) as error:
+        raise GeometryError(f"collider {collider.name!r}: {error}") from None
+    raise GeometryError(
+        f"collider {collider.name!r}: no contact with kind {collider.kind!r}; "
+        "allowed: sphere, capsule, ellipsoid, hull, frame"
+    )
+
+
+def pack(colliders: ColliderSet) -> PackedShapes:
+    """The touchable shapes of a set as flat arrays.
+
+    Raises:
+        GeometryError: A shape of unknown kind or with unusable numbers.
+    """
+    touchable = [i for i, c in enumerate(colliders.colliders) if c.kind != "frame"]
+    packed = [_packed(colliders.colliders[i]) for i in touchable]
+    kind = np.array([KINDS.index(colliders.colliders[i].kind) for i in touchable], np.int32)
+    is_hull = kind == KINDS.index("hull")
+    hulls = [colliders.colliders[touchable[k]] for k in np.flatnonzero(is_hull)]
+    return PackedShapes(
+        kind=kind,
+        collider=np.array(touchable, dtype=np.int32),
+        size=np.array([size for size, _ in packed], dtype=np.float32).reshape(-1, 4),
+        hull=np.where(is_hull, np.cumsum(is_hull) - 1, 0).astype(np.int32),
+        bound=np.array([bound for _, bound in packed], dtype=np.float64).reshape(-1, 7),
+        hulls=pack_hulls({c.name: (c.geometry["vertices"], c.geometry["faces"]) for c in hulls})
+        if hulls
+        else None,
+    )
+
+
+@kernel()
+def _rotation_of(q, R):
+    """Rotation matrix [3, 3] of a unit quaternion [4] in float64."""
+    x, y, z, w = q[0], q[1], q[2], q[3]
+    R[0, 0] = 1 - 2 * (y * y + z * z)
+    R[0, 1] = 2 * (x * y - z * w)
+    R[0, 2] = 2 * (x * z + y * w)
+    R[1, 0] = 2 * (x * y + z * w)
+    R[1, 1] = 1 - 2 * (x * x + z * z)
+    R[1, 2] = 2 * (y * z - x * w)
+    R[2, 0] = 2 * (x * z - y * w)
+    R[2, 1] = 2 * (y * z + x * w)
+    R[2, 2] = 1 - 2 * (x * x + y * y)
+
+
+@kernel()
+def pose_shapes(shapes, position0, orientation0, position1, orientation1, origin, scratch, posed):
+    """Fills `posed`; see `pose`. Computes in float64, in `scratch` of shape [3, 3, 3]."""
+    R0 = scratch[0]
+    R1 = scratch[1]
+    end = scratch[2]
+    for k in range(shapes.collider.size):
+        i = shapes.collider[k]
+        bound = shapes.bound[k]
+        _rotation_of(orientation0[i], R0)
+        _rotation_of(orientation1[i], R1)
+        squared = 0.0
+        for r in range(3):
+            centre = position1[i, r] - origin[r]
+            offset = centre
+            end[0, r] = centre
+            end[1, r] = centre
+            for c in range(3):
+                posed.rotation[k, r, c] = R1[r, c]
+                end[0, r] += R1[r, c] * bound[c]
+                end[1, r] += R1[r, c] * bound[3 + c]
+                turned = R1[r, 0] * R0[c, 0] + R1[r, 1] * R0[c, 1] + R1[r, 2] * R0[c, 2]
+                posed.carry[k, r, c] = turned - (1.0 if r == c else 0.0)
+                offset -= turned * (position0[i, c] - origin[c])
+            posed.centre[k, r] = centre
+            posed.carry[k, r, 3] = offset
+            posed.box[k, r] = min(end[0, r], end[1, r]) - bound[6]
+            posed.box[k, 3 + r] = max(end[0, r], end[1, r]) + bound[6]
+            squared += (end[1, r] - end[0, r]) ** 2
+        length = np.sqrt(squared)
+        for r in range(3):
+            posed.bound[k, r] = end[0, r]
+            posed.bound[k, 3 + r] = (end[1, r] - end[0, r]) / length if length > 0.0 else 0.0
+        posed.bound[k, 6] = length
+        posed.bound[k, 7] = bound[6]
+
+
+_SCRATCH = np.zeros((3, 3, 3))
+
+
+def pose(
+    shapes: PackedShapes,
+    start: ColliderPoses,
+    end: ColliderPoses,
+    origin: FloatArray,
+    posed: PosedShapes,
+) -> None:
+    """Poses the shapes for one step.
+
+    Args:
+        shapes: Packed shapes of a set.
+        start: World poses of the whole set when the step starts.
+        end: World poses when it ends.
+        origin: World position that particle positions are relative to [m], shape [3].
+        posed: Output.
+    """
+    pose_shapes(
+        shapes,
+        start.position,
+        start.orientation,
+        end.position,
+        end.orientation,
+        origin,
+        _SCRATCH,
+        posed,
+    )

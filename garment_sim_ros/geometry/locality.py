@@ -1,0 +1,36 @@
+"""Order of points in memory: near in space, near in memory, in compact blocks."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+BLOCK = 32
+"""Points per block: contact tests reject colliders for a block at a time."""
+
+
+def spatial_order(points: NDArray[np.floating]) -> NDArray[np.int32]:
+    """An order of the points in which every aligned run of `BLOCK` points is compact.
+
+    Sets of points are halved at the median of their longest extent, at a multiple of `BLOCK`,
+    until one block is left. Equal coordinates keep their order.
+
+    Args:
+        points: Positions, shape [n, 3].
+
+    Returns:
+        Indices into `points`, shape [n].
+    """
+    points = np.asarray(points, dtype=np.float64)
+    order = np.arange(len(points), dtype=np.int32)
+    pending = [(0, len(points))]
+    while pending:
+        begin, end = pending.pop()
+        part = order[begin:end]
+        if len(part) > 1:
+            axis = int(np.argmax(np.ptp(points[part], axis=0)))
+            part = part[np.argsort(points[part, axis], kind="stable")]
+            order[begin:end] = part
+        if len(part) > BLOCK:
+            blocks = -(-len(part) // BLOCK)
+            middle = begin + blocks // 2 * BLOCK
+            pending += [(begin, middle), (middle, end)]
+    return order

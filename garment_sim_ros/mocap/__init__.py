@@ -1,0 +1,1 @@
+"""Motion capture: clips, their file formats and the built-in walk."""

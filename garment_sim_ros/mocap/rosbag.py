@@ -1,0 +1,206 @@
+"""Recorded `joint_states` of a rosbag2 as a clip."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+
+from garment_sim_ros.body.urdf import parse_urdf
+from garment_sim_ros.errors import InputFileError
+from garment_sim_ros.mocap.clip import Clip
+from garment_sim_ros.mocap.sampling import closes
+from garment_sim_ros.mocap.source_urdf import reference_from_urdf
+
+FloatArray = NDArray[np.float64]
+
+_MAX_BYTES = 4 * 2**30
+_MAX_MESSAGES = 2_000_000
+_MAX_VALUES = 200_000_000
+_MAX_METADATA_BYTES = 4 * 2**20
+_JOINT_STATE = "sensor_msgs/msg/JointState"
+_STRING = "std_msgs/msg/String"
+_ALLOWED = "allowed: a rosbag2 folder, .mcap or .db3 file"
+
+
+def load_bag(path: str | Path) -> Clip:
+    """Read the joint states and the robot description of a recording.
+
+    Messages that cannot be used are left out and counted in the clip's notes: other joints than
+    the first message's, values that are missing or not finite, stamps that repeat or go back.
+
+    Args:
+        path: A rosbag2 folder, or its .mcap or .db3 file.
+
+    Raises:
+        InputFileError: It is missing, damaged, too large, or holds no usable joint states.
+    """
+    _check_sizes(Path(path))
+    try:
+        with Reader(Path(path)) as reader:
+            return _clip(path, reader)
+    except InputFileError:
+        raise
+    except MemoryError:
+        raise InputFileError(path, "does not fit into memory") from None
+    except Exception as error:
+        # The reader raises whatever its file format library or a damaged record leads to.
+        raise InputFileError(
+            path, f"cannot be read as a bag ({_short(error)})", _ALLOWED
+        ) from error
+
+
+def _short(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())[:200]
+
+
+def _check_sizes(path: Path) -> None:
+    """Refuse what is missing, is no bag, or would take too much to open."""
+    if not path.exists():
+        raise InputFileError(path, "does not exist", _ALLOWED)
+    files = [path]
+    if path.is_dir():
+        metadata = path / "metadata.yaml"
+        if not metadata.is_file():
+            raise InputFileError(path, "has no metadata.yaml", _ALLOWED)
+        if metadata.stat().st_size > _MAX_METADATA_BYTES:
+            raise InputFileError(metadata, "is too large", f"allowed: {_MAX_METADATA_BYTES} bytes")
+        files = [file for file in path.iterdir() if file.is_file()]
+    elif path.suffix not in (".mcap", ".db3"):
+        raise InputFileError(path, f"has the ending {path.suffix!r}", _ALLOWED)
+    total = sum(file.stat().st_size for file in files)
+    if total > _MAX_BYTES:
+        raise InputFileError(path, f"has {total} bytes", f"allowed: at most {_MAX_BYTES}")
+
+
+def _clip(path: str | Path, reader: Reader) -> Clip:
+    states = _topic(path, reader, _JOINT_STATE, "joint_states", near="")
+    namespace = states.topic.rpartition("/")[0]
+    description = _topic(path, reader, _STRING, "robot_description", near=namespace)
+    text = None
+    types = get_typestore(Stores.ROS2_JAZZY)
+    for _, _, data in reader.messages([description]):
+        text = types.deserialize_cdr(data, _STRING).data  # type: ignore[attr-defined]
+        break
+    if text is None:
+        raise InputFileError(path, f"holds no message on {description.topic}")
+    source = f"{path}: {description.topic}"
+    rig, reference = parse_urdf(text, source), reference_from_urdf(text, source)
+    rejected: Counter[str] = Counter()
+    times, values, joints = _read(path, reader, states, rig.dofs.names, rejected)
+    notes = [f"Left out {count} message(s): {why}." for why, count in sorted(rejected.items())]
+    still = sorted(set(rig.dofs.names) - joints)
+    if still:
+        notes.append(f"Not recorded, taken as 0: {', '.join(still[:20])}.")
+    pose = None
+    if reference.values:
+        pose = np.array([reference.values.get(name, 0.0) for name in rig.dofs.names])
+
+    def vectors(named: Any) -> tuple[tuple[str, tuple[float, float, float]], ...]:
+        return tuple((n, (float(v[0]), float(v[1]), float(v[2]))) for n, v in named.items())
+
+    clip = Clip(
+        name=Path(path).stem,
+        rig=rig,
+        times=times,
+        values=values,
+        T_world_file=np.eye(4),
+        reference=pose,
+        end_sites=vectors(reference.end_sites),
+        hinges=vectors(reference.hinges),
+        soles=vectors(reference.soles),
+        ankle_height=reference.ankle_height,
+        notes=tuple(notes),
+    )
+    return replace(clip, loops=closes(clip))
+
+
+def _topic(path: str | Path, reader: Reader, kind: str, name: str, near: str) -> Connection:
+    """The connection of a topic that ends in `name`, the one in namespace `near` preferred."""
+    found = [
+        c for c in reader.connections
+        if c.msgtype == kind and c.topic.rpartition("/")[2] == name
+    ]  # fmt: skip
+    if not found:
+        topics = sorted({c.topic for c in reader.connections})
+        raise InputFileError(
+            path,
+            f"has no topic {name} of type {kind}; its topics: {', '.join(topics[:20]) or 'none'}",
+        )
+    return min(found, key=lambda c: (c.topic.rpartition("/")[0] != near, c.topic))
+
+
+def _messages(reader: Reader, connection: Connection) -> Iterator[tuple[int, Any]]:
+    """Log time [ns] and message; None where it cannot be decoded."""
+    types = get_typestore(Stores.ROS2_JAZZY)
+    for _, timestamp, data in reader.messages([connection]):
+        try:
+            yield timestamp, types.deserialize_cdr(data, _JOINT_STATE)
+        except Exception:  # a damaged record must not take the others with it
+            yield timestamp, None
+
+
+def _read(
+    path: str | Path,
+    reader: Reader,
+    connection: Connection,
+    channels: tuple[str, ...],
+    rejected: Counter[str],
+) -> tuple[FloatArray, FloatArray, frozenset[str]]:
+    """Times [s], values [rad or m] and which channels were recorded."""
+    column = {name: i for i, name in enumerate(channels)}
+    names: tuple[str, ...] = ()
+    order: NDArray[np.intp] = np.zeros(0, np.intp)
+    first: frozenset[str] = frozenset()
+    stamps: list[int] = []
+    rows: list[FloatArray] = []
+    for count, (log_time, message) in enumerate(_messages(reader, connection)):
+        if count >= _MAX_MESSAGES or len(rows) * len(channels) > _MAX_VALUES:
+            raise InputFileError(
+                path, "holds too many joint states", f"allowed: {_MAX_MESSAGES} messages"
+            )
+        if message is None:
+            rejected["they cannot be decoded"] += 1
+            continue
+        if len(message.name) != len(message.position):
+            rejected["names and positions differ in number"] += 1
+            continue
+        if not np.isfinite(message.position).all():
+            rejected["a position is not finite"] += 1
+            continue
+        if names != tuple(message.name):
+            if len(set(message.name)) != len(message.name):
+                rejected["a name occurs twice"] += 1
+                continue
+            if first and first != set(message.name):
+                rejected["the joints are not those of the first message"] += 1
+                continue
+            names, first = tuple(message.name), frozenset(message.name)
+            order = np.array([k for k, name in enumerate(names) if name in column], np.intp)
+            target = np.array([column[names[k]] for k in order], np.intp)
+        if len(order) == 0:
+            raise InputFileError(
+                path,
+                f"the joint states name {', '.join(names[:5]) or 'nothing'}, of which the robot "
+                "description has none",
+            )
+        stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+        stamp = stamp or log_time
+        if stamps and stamp <= stamps[-1]:
+            rejected["the stamp repeats or goes back"] += 1
+            continue
+        row = np.zeros(len(channels))
+        row[target] = message.position[order]
+        stamps.append(stamp)
+        rows.append(row)
+    if not rows:
+        why = "; ".join(sorted(rejected)) or "there are none"
+        raise InputFileError(path, f"holds no usable joint states: {why}")
+    seconds = np.array([stamp - stamps[0] for stamp in stamps], dtype=np.float64) * 1e-9
+    return seconds, np.array(rows), frozenset(first & column.keys())

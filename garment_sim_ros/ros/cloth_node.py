@@ -1,0 +1,286 @@
+"""`cloth_node`: collider poses in, moving garments out, at a fixed rate."""
+
+import math
+import sys
+import time
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from std_srvs.srv import SetBool, Trigger
+
+from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.errors import MessageError, ParameterError
+from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, read_outfit
+from garment_sim_ros.params import ClothNodeParameters, Environment, declarations
+from garment_sim_ros.ros import garment_publishers
+from garment_sim_ros.ros.cloth_stepper import POSE_COUNT, ClothStepper
+from garment_sim_ros.ros.conversions import StampedPoses, poses_from, text_from
+from garment_sim_ros.ros.diagnostics import Condition
+from garment_sim_ros.ros.dresser import Dressed, Dresser
+from garment_sim_ros.ros.garment_publishers import GarmentPublishers, GarmentQuality
+from garment_sim_ros.ros.interfaces import (
+    COLLIDER_DESCRIPTION,
+    COLLIDER_POSES,
+    QUALITY,
+)
+from garment_sim_ros.ros.lifecycle import ManagedNode, run
+from garment_sim_ros.ros.parameters import NodeParameters
+from garment_sim_ros.ros.progress import reporting
+from garment_sim_ros.ros.ticker import SECOND
+from garment_sim_ros.sim.model import Parameters
+from garment_sim_ros.sim.solvers import SOLVERS
+from garment_sim_ros.sim.warm_up import warm_up
+
+_FASTEST_INPUT = 1000.0
+"""Poses may come this often without any being lost between two frames [Hz]."""
+_MOST_EARLY_POSES = 10_000
+"""Messages kept, with `step_on` poses, until the description is there."""
+
+
+class ClothNode(ManagedNode[ClothNodeParameters]):
+    """Simulates an outfit on colliders that others pose."""
+
+    def __init__(self) -> None:
+        super().__init__("cloth_node", ClothNodeParameters, dynamic=("delay",))
+        self._environment = NodeParameters(
+            self, Environment, dynamic=("gravity", "wind"), on_change=self._change_forces
+        )
+        group = _settings_of(self.parameters.solver)
+        self._settings = NodeParameters(
+            self, group, dynamic=tuple(declarations(group)), on_change=self._change_forces
+        )
+        self._stepper: ClothStepper | None = None
+        self._topics: dict[str, GarmentPublishers] = {}
+        self._qualities: list[GarmentQuality] = []
+        self._early: list[StampedPoses] = []
+        self._paused = False
+        self._frames = 0
+        self._late_frames = 0
+        self._step_ms = 0.0
+        self.create_service(Trigger, "~/reset", self._reset)
+        self.create_service(SetBool, "~/pause", self._pause)
+
+    def prepare(self) -> None:
+        """Load body and outfit, compile.
+
+        Raises:
+            InputFileError: A file cannot be used.
+            ParameterError: A parameter is not allowed.
+        """
+        p = self.parameters
+        if not p.body:
+            raise ParameterError("body", "found nothing", "allowed: the wearer's file")
+        outfit = p.outfit or DEFAULT_OUTFIT
+        read_outfit(outfit)
+        with reporting(self.get_logger().info, f"load the body {p.body}"):
+            body = load_body(p.body)
+        with reporting(self.get_logger().info, "compile, or load what is compiled"):
+            warm_up(p.solver)
+            garment_publishers.warm_up()
+        self._dresser = Dresser(
+            outfit, body, frame_id=p.frame_id, solver=p.solver, solver_step=p.solver_step
+        )
+        self._steps_on_poses = p.step_on == "poses"
+        self._quality = self.advertise(QUALITY)
+        self.subscribe(COLLIDER_DESCRIPTION, self._take_description, always=True)
+        if self._steps_on_poses:
+            self.subscribe(COLLIDER_POSES, self._take_poses, keep_all=True)
+        else:
+            room = math.ceil(2.0 * _FASTEST_INPUT / p.rate)
+            self._poll = self.poll(COLLIDER_POSES, self._take_poses, room=room)
+
+    def start(self) -> None:
+        """Begin to publish as soon as there are poses."""
+        if not self._steps_on_poses:
+            self._ticker = self.tick_at(self.parameters.rate, self._tick)
+
+    def stop(self) -> None:
+        """Publish nothing; the cloth keeps its state."""
+        if not self._steps_on_poses:
+            self.stop_ticking()
+
+    def release(self) -> None:
+        """Take off the outfit."""
+        self._topics, self._qualities, self._early = {}, [], []
+        self._stepper = None
+
+    def parameters_changed(self, parameters: ClothNodeParameters) -> None:
+        """Take over another delay."""
+        if self._stepper is not None:
+            self._stepper.delay = parameters.delay
+
+    def _change_forces(self, _: object) -> None:
+        if self._stepper is not None:
+            self._stepper.simulation.parameters = self._forces()
+
+    def _forces(self) -> Parameters:
+        return Parameters(environment=self._environment.values, settings=self._settings.values)
+
+    def condition(self) -> Condition:
+        """What the node waits for, or how it keeps up."""
+        stepper = self._stepper
+        if self.state != "active" or stepper is None or not stepper.has_poses:
+            missing = COLLIDER_DESCRIPTION if stepper is None else COLLIDER_POSES
+            text = f"waits for {missing.name}" if self.state == "active" else self.state
+            return Condition(text=text, well=self.state != "active")
+        return Condition(
+            text="paused" if self._paused else "simulates",
+            values={
+                "frames": self._frames,
+                "late_frames": self._late_frames,
+                "step_ms": self._step_ms,
+                "resets": stepper.resets,
+                "skipped_s": stepper.skipped / SECOND,
+                "input_period_ms": 1e3 * stepper.period / SECOND,
+                "solver_steps": stepper.steps,
+            },
+        )
+
+    def _take_description(self, data: bytes) -> None:
+        self._dresser.request(text_from(data))
+        if self._steps_on_poses:
+            # Which poses meet which description must not depend on how fast this machine is.
+            while self._dresser.busy:
+                self._put_on(self._dresser.result(wait=True))
+            early, self._early = self._early, []
+            for message in early:
+                try:
+                    self._step_to(message)
+                except MessageError as error:
+                    self.rejections.add(COLLIDER_POSES.name, error)
+
+    def _put_on(self, dressed: Dressed | None) -> None:
+        if dressed is None:
+            return
+        p = self.parameters
+        simulation = dressed.simulation
+        simulation.parameters = self._forces()
+        self._stepper = ClothStepper(
+            simulation,
+            delay=p.delay,
+            catch_up=p.catch_up,
+            teleport_speed=p.teleport_speed,
+            time_jump=p.time_jump,
+        )
+        self._qualities = [GarmentQuality(name, simulation) for name in simulation.names]
+        kinds = [c.kind for c in simulation.collider_set.colliders if c.kind != "frame"]
+        colliders = ", ".join(f"{kinds.count(kind)} {kind}" for kind in sorted(set(kinds)))
+        self.get_logger().info(
+            f"{p.solver} models stretch, shear, bending, gravity, wind, and contact with friction "
+            f"on {colliders} colliders; not cloth against itself or other garments"
+        )
+        for number, garment in enumerate(dressed.garments):
+            if garment.name not in self._topics:
+                self._topics[garment.name] = GarmentPublishers(
+                    self, garment.name, frame_id=p.frame_id, normals=p.normals
+                )
+            self._topics[garment.name].show(garment, number)
+            self.get_logger().info(
+                f"{garment.name}: {len(garment.vertices)} vertices, {len(garment.pins)} pinned; "
+                f"solver {p.solver}, steps of {1e3 * p.solver_step:.2f} ms"
+            )
+        for note in dressed.notes:
+            self.get_logger().info(note)
+
+    def _take_poses(self, data: bytes) -> None:
+        message = poses_from(data)
+        expected = self.parameters.frame_id
+        if message.frame_id != expected:
+            raise MessageError("frame_id", f"found {message.frame_id!r}; allowed: {expected!r}")
+        if self._stepper is None:
+            if self._steps_on_poses and len(self._early) < _MOST_EARLY_POSES:
+                self._early.append(message)
+            return
+        if self._steps_on_poses:
+            self._step_to(message)
+            return
+        try:
+            self._stepper.add(message.stamp, message.poses, time.monotonic_ns())
+        except MessageError as error:
+            # Poses of colliders that the garments are being made for are no fault.
+            if error.reason != POSE_COUNT or not self._dresser.busy:
+                raise
+
+    def _step_to(self, message: StampedPoses) -> None:
+        """Advance by whole steps up to a message; publish what moved."""
+        stepper = self._stepper
+        assert stepper is not None
+        stepper.add(message.stamp, message.poses, message.stamp)
+        if not self._paused and self._advance(message.stamp, in_time=False):
+            self._publish()
+
+    def _tick(self, due: int, ticks: int) -> None:
+        """Publish a frame, of the last good state where there is no other."""
+        try:
+            self._put_on(self._dresser.result())
+        except MessageError as error:
+            self.rejections.add(COLLIDER_DESCRIPTION.name, error)
+        self._poll.take_all()
+        stepper = self._stepper
+        if stepper is None or not stepper.has_poses:
+            return
+        self._late_frames += ticks - 1 if self._frames else 0
+        self._step_ms = 0.0
+        if not self._paused:
+            try:
+                self._advance(stepper.target(time.monotonic_ns()), in_time=True)
+            except MessageError as error:
+                self.rejections.add(COLLIDER_POSES.name, error)
+        self._publish()
+        self._late_frames += self._ticker.now() - due > self._ticker.period // 2
+
+    def _advance(self, until: int, *, in_time: bool) -> bool:
+        assert self._stepper is not None
+        began = time.perf_counter()
+        moved = self._stepper.advance(until, in_time=in_time)
+        self._step_ms = 1e3 * (time.perf_counter() - began)
+        return moved
+
+    def _publish(self) -> None:
+        stepper = self._stepper
+        if stepper is None or stepper.time is None:
+            return
+        for name in stepper.simulation.names:
+            self._topics[name].publish(stepper.simulation, stepper.time)
+        self._frames += 1
+        if self._quality.get_subscription_count():
+            figures: dict[str, object] = {
+                "step_ms": self._step_ms,
+                "late_frames": self._late_frames,
+                "skipped_s": stepper.skipped / SECOND,
+            }
+            message = DiagnosticArray(
+                status=[q.status(figures, resets=stepper.resets) for q in self._qualities]
+            )
+            message.header.stamp = Time(sec=stepper.time // SECOND, nanosec=stepper.time % SECOND)
+            self._quality.publish(message)
+
+    def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self._stepper is not None and self._stepper.has_poses
+        response.message = "there are no poses yet"
+        if response.success and self._stepper is not None:
+            self._stepper.restart()
+            response.message = "the garments are put on again"
+        return response
+
+    def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._paused = bool(request.data)
+        response.success = True
+        response.message = "the cloth stands still" if self._paused else "the cloth moves"
+        return response
+
+
+def _settings_of(solver: str) -> type:
+    """A solver's group of parameters."""
+    if solver not in SOLVERS:
+        raise ParameterError("solver", f"found {solver!r}", f"allowed: {', '.join(SOLVERS)}")
+    return SOLVERS[solver].settings
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point of the executable."""
+    return run(ClothNode, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,175 @@
+"""The cloth's clock: which time is simulated next, from poses that come when they come."""
+
+from collections import deque
+
+import numpy as np
+
+from garment_sim_ros.errors import MessageError
+from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.ros.pose_buffer import PoseBuffer
+from garment_sim_ros.ros.stamp_order import StampOrder
+from garment_sim_ros.sim.simulation import Simulation
+
+POSE_COUNT = "pose_count"
+_SECOND = 1_000_000_000
+_REMEMBERED = 32
+_LATENCY_WINDOW = _SECOND // 2
+"""Arrivals are averaged over this time [ns], but over no fewer than so many messages:"""
+_FEWEST = 4
+_TELEPORT_DISTANCE = 0.3
+"""A collider that moves less between two messages has not jumped, however fast it was [m]."""
+
+
+class ClothStepper:
+    """Advances a simulation by whole solver steps up to a time that poses are known for.
+
+    Times are integer nanoseconds, so that the same stamps always give the same steps.
+
+    Args:
+        simulation: The garments.
+        delay: How far the cloth stays behind the newest poses [s]; below 0: one input period.
+        catch_up: Most time to simulate at once where frames are due [s].
+        teleport_speed: Colliders that move faster have jumped [m/s].
+        time_jump: Stamps farther apart begin a new time [s].
+
+    Attributes:
+        time: Simulated time [ns], None before the first poses.
+        steps: Steps taken.
+        resets: Times the garments were put on anew, the first time not counted.
+        skipped: Time that was passed over because there was too much of it [ns].
+        delay: As given.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        *,
+        delay: float,
+        catch_up: float,
+        teleport_speed: float,
+        time_jump: float,
+    ) -> None:
+        self.simulation = simulation
+        self.time: int | None = None
+        self.steps = 0
+        self.resets = 0
+        self.skipped = 0
+        self.delay = delay
+        self._step = round(simulation.solver_step * _SECOND)
+        self._most_steps = max(1, round(catch_up * _SECOND) // self._step)
+        self._teleport_speed = teleport_speed
+        self._order = StampOrder(time_jump)
+        self._buffer = PoseBuffer()
+        self._periods: deque[int] = deque(maxlen=_REMEMBERED)
+        self._latency = 0.0
+        self._messages = 0
+        self._starts_anew = True
+        count = len(simulation.collider_set)
+        self._now, self._next = ColliderPoses.identity(count), ColliderPoses.identity(count)
+
+    def add(self, stamp: int, poses: ColliderPoses, arrival: int) -> None:
+        """Take poses over.
+
+        Args:
+            stamp: Their time [ns].
+            poses: World poses of all colliders.
+            arrival: When they came, on a clock that only runs forward [ns].
+
+        Raises:
+            MessageError: They do not fit the colliders, or the poses before; nothing changes.
+        """
+        expected = len(self.simulation.collider_set)
+        if len(poses.position) != expected:
+            raise MessageError(
+                POSE_COUNT, f"found {len(poses.position)} poses; allowed: {expected}"
+            )
+        before = self._order.newest
+        anew = self._order.accept(stamp)
+        if before is not None and not anew:
+            self._periods.append(stamp - before)
+            anew = self._is_teleport(self._buffer.newest[1], poses, stamp - before)
+        if anew:
+            self._starts_anew = True
+            self._periods.clear()
+            self._messages = 0
+            self._buffer.clear()
+        self._buffer.add(stamp, poses)
+        self._messages += 1
+        window = max(_FEWEST, _LATENCY_WINDOW / max(self.period, 1))
+        self._latency += (arrival - stamp - self._latency) / min(self._messages, window)
+
+    @property
+    def period(self) -> int:
+        """Time between the latest poses [ns]; 0 while unknown."""
+        return int(np.median(self._periods)) if self._periods else 0
+
+    @property
+    def has_poses(self) -> bool:
+        """Whether any poses have come."""
+        return len(self._buffer) > 0
+
+    def restart(self) -> None:
+        """Put the garments on anew at the next `advance`."""
+        self._starts_anew = True
+
+    def target(self, now: int) -> int:
+        """The time to simulate up to when it is `now` on the clock of arrivals [ns].
+
+        It lies `delay` behind the time that stamps have now. That runs evenly, whatever the rate
+        and the jitter of messages; but the target is never beyond the newest of them.
+        """
+        delay = self.period if self.delay < 0.0 else round(self.delay * _SECOND)
+        return min(self._buffer.newest[0], int(now - self._latency) - delay)
+
+    def advance(self, until: int, *, in_time: bool = True) -> bool:
+        """Simulate whole steps up to a time.
+
+        Args:
+            until: The time [ns].
+            in_time: Whether to take no more steps than `catch_up` allows.
+
+        Returns:
+            Whether the garments moved.
+        """
+        if not self.has_poses:
+            return False
+        if self._starts_anew or self.time is None:
+            self._put_on(*self._buffer.newest)
+            return True
+        steps = (until - self.time) // self._step
+        if steps <= 0:
+            return False
+        if in_time and steps > self._most_steps:
+            self._pass_over(self.time + (steps - self._most_steps) * self._step)
+            steps = self._most_steps
+        for _ in range(steps):
+            self.time += self._step
+            self._buffer.at(self.time, self._next)
+            self._move()
+        self._buffer.forget_before(self.time)
+        return True
+
+    def _put_on(self, stamp: int, poses: ColliderPoses) -> None:
+        self.resets += self.time is not None
+        self.simulation.reset(poses)
+        self.time = stamp
+        self._now = poses.copy()
+        self._starts_anew = False
+
+    def _pass_over(self, time: int) -> None:
+        """Take the garments along to a time without simulating."""
+        assert self.time is not None
+        self.skipped += time - self.time
+        self._buffer.at(time, self._next)
+        self.simulation.carry(self._now, self._next)
+        self._now, self._next = self._next, self._now
+        self.time = time
+
+    def _move(self) -> None:
+        self.simulation.advance(self._now, self._next)
+        self._now, self._next = self._next, self._now
+        self.steps += 1
+
+    def _is_teleport(self, before: ColliderPoses, after: ColliderPoses, time: int) -> bool:
+        moved = np.abs(after.position - before.position).max(initial=0.0)
+        return bool(moved > _TELEPORT_DISTANCE and moved * _SECOND > self._teleport_speed * time)

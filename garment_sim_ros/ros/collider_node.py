@@ -1,0 +1,233 @@
+"""`collider_node`: joint states of a source skeleton to world poses of the avatar's colliders."""
+
+import dataclasses
+import sys
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from std_msgs.msg import String
+
+from garment_sim_ros.body.humanoid import load_humanoid_overrides
+from garment_sim_ros.body.kinematics import ForwardKinematics
+from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.retargeting import Retargeter
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.body.urdf import body_from_urdf, parse_urdf
+from garment_sim_ros.colliders.capsules import fit_capsules, fit_spheres
+from garment_sim_ros.colliders.description import load_colliders, to_json
+from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.errors import GarmentSimError, MessageError
+from garment_sim_ros.garment.outfit_file import read_outfit
+from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.geometry.transforms import quaternion_from_matrix
+from garment_sim_ros.mocap.source_urdf import reference_from_urdf
+from garment_sim_ros.params import ColliderNodeParameters
+from garment_sim_ros.ros.conversions import JointStates, text_from
+from garment_sim_ros.ros.diagnostics import Condition
+from garment_sim_ros.ros.interfaces import (
+    COLLIDER_DESCRIPTION,
+    COLLIDER_MARKERS,
+    COLLIDER_POSES,
+    JOINT_STATES,
+    ROBOT_DESCRIPTION,
+    ROOT_POSE,
+)
+from garment_sim_ros.ros.joint_channels import MISSING, UNKNOWN, JointChannels
+from garment_sim_ros.ros.lifecycle import ManagedNode, run
+from garment_sim_ros.ros.markers import collider_markers
+from garment_sim_ros.ros.progress import reporting
+from garment_sim_ros.ros.serialize import Poses, StampedPose
+from garment_sim_ros.ros.stamp_order import StampOrder
+from garment_sim_ros.ros.ticker import SECOND
+
+FloatArray = NDArray[np.float64]
+
+_DESCRIPTION = "robot_description"
+_FITS = {"capsules": fit_capsules, "spheres": fit_spheres}
+_SHOWN = 5
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Avatar:
+    """A body with its colliders and all that is sent about them."""
+
+    body: Body
+    colliders: ColliderSet
+    poser: ColliderPoser
+    poses: ColliderPoses
+    message: Poses
+    hips: int
+
+
+class ColliderNode(ManagedNode[ColliderNodeParameters]):
+    """Fits colliders to a body and poses them as the source skeleton moves."""
+
+    def __init__(self) -> None:
+        super().__init__("collider_node", ColliderNodeParameters)
+        self._avatar: _Avatar | None = None
+        self._channels: JointChannels | None = None
+        self._world_joints: Callable[[FloatArray], FloatArray] = np.asarray
+        self._source = ""
+        self._sent = 0
+
+    def prepare(self) -> None:
+        """Load the body and fit its colliders.
+
+        Raises:
+            InputFileError: A file cannot be used.
+            GeometryError: The body cannot be fitted.
+        """
+        p = self.parameters
+        self._bone_names = load_humanoid_overrides(p.bone_names) if p.bone_names else None
+        self._stamps = StampOrder(p.time_jump)
+        self._reader = JointStates()
+        self._root_message = StampedPose(p.frame_id)
+        self._next_markers = 0
+        self._description_out = self.advertise(COLLIDER_DESCRIPTION)
+        self._poses_out = self.advertise(COLLIDER_POSES)
+        self._markers_out = self.advertise(COLLIDER_MARKERS)
+        self._root_out = self.advertise(ROOT_POSE)
+        if p.body:
+            with reporting(self.get_logger().info, f"load {p.body} and fit its colliders"):
+                self._wear(load_body(p.body))
+        self.subscribe(ROBOT_DESCRIPTION, self._take_description, always=True)
+        self.subscribe(JOINT_STATES, self._take_joints)
+
+    def start(self) -> None:
+        """Publish the colliders; poses follow as joint states come."""
+        if self._avatar is not None:
+            self._description_out.publish(String(data=to_json(self._avatar.colliders)))
+
+    def release(self) -> None:
+        """Forget body and skeleton."""
+        self._avatar = self._channels = None
+        self._source = ""
+
+    def condition(self) -> Condition:
+        """What the node waits for, or that it poses."""
+        if self.state != "active":
+            return Condition(text=self.state)
+        if self._channels is None:
+            return Condition(text=f"waits for {ROBOT_DESCRIPTION.name}", well=False)
+        missing = len(self._channels.missing())
+        return Condition(
+            text="waits for the first value of some joints" if missing else "poses colliders",
+            values={"poses": self._sent, "joints_missing": missing},
+        )
+
+    def _wear(self, body: Body) -> None:
+        """Fit colliders and prepare what posing them takes."""
+        colliders = dataclasses.replace(self._fit(body), frame_id=self.parameters.frame_id)
+        hips = body.humanoid.get("hips", body.rig.joint_names[0])
+        self._avatar = _Avatar(
+            body=body,
+            colliders=colliders,
+            poser=ColliderPoser(colliders, body),
+            poses=ColliderPoses.identity(len(colliders)),
+            message=Poses(len(colliders), colliders.frame_id),
+            hips=body.rig.index(hips),
+        )
+        self._markers = collider_markers(colliders) if self.parameters.marker_rate else None
+        for note in body.notes:
+            self.get_logger().info(f"{body.name}: {note}")
+        shapes = sum(c.kind != "frame" for c in colliders.colliders)
+        self.get_logger().info(f"{body.name}: {shapes} colliders on {len(body.rig)} joints")
+        # Compiles what the callbacks will run.
+        self._avatar.poser.poses(np.tile(np.eye(4), (len(body.rig), 1, 1)))
+        if "hips" in body.humanoid:
+            Retargeter(body.rig, body).world_joints(np.zeros(len(body.rig.dofs)))
+
+    def _fit(self, body: Body) -> ColliderSet:
+        p = self.parameters
+        if p.colliders:
+            return load_colliders(p.colliders)
+        options = read_outfit(p.outfit).colliders if p.outfit else p
+        return _FITS[options.method](body, delta=options.delta, thickness=options.thickness)
+
+    def _take_description(self, data: bytes) -> None:
+        text = text_from(data)
+        if text == self._source:
+            return
+        try:
+            self._follow(text)
+        except GarmentSimError as error:
+            raise MessageError(_DESCRIPTION, str(error)) from error
+
+    def _follow(self, text: str) -> None:
+        """Map a source skeleton to the body, or take it for the body."""
+        rig = parse_urdf(text)
+        if self.parameters.body:
+            assert self._avatar is not None
+            retargeter = Retargeter(
+                rig,
+                self._avatar.body,
+                reference=reference_from_urdf(text),
+                overrides=self._bone_names,
+            )
+            for note in retargeter.notes:
+                self.get_logger().info(note)
+            for what, bones in (
+                ("the source skeleton", retargeter.unmapped_source),
+                (self._avatar.body.name, retargeter.unmapped_target),
+            ):
+                if bones:
+                    self.get_logger().info(f"not mapped in {what}: {', '.join(bones)}")
+            world_joints = retargeter.world_joints
+        else:
+            with reporting(self.get_logger().info, "fit colliders to the body"):
+                self._wear(body_from_urdf(text))
+            world_joints = ForwardKinematics(rig).from_dofs
+            self.start()
+        world_joints(np.zeros(len(rig.dofs)))
+        self._world_joints = world_joints
+        self._channels = JointChannels(rig.dofs)
+        self._source = text
+
+    def _take_joints(self, data: bytes) -> None:
+        joints = self._reader.read(data)
+        channels = self._channels
+        if channels is None:
+            return  # a skeleton that is not described yet; `condition` says so
+        channels.check(joints)
+        stamp = joints.stamp or self.get_clock().now().nanoseconds
+        self._stamps.accept(stamp)
+        channels.take(joints)
+        unknown = channels.unknown()
+        if not channels.is_complete:
+            missing = channels.missing()
+            shown = ", ".join(missing[:_SHOWN])
+            raise MessageError(
+                MISSING, f"waits for the first value of {len(missing)} joints: {shown}"
+            )
+        self._publish(stamp)
+        if unknown:
+            shown = ", ".join(unknown[:_SHOWN])
+            raise MessageError(UNKNOWN, f"ignored {shown}; allowed: those of robot_description")
+
+    def _publish(self, stamp: int) -> None:
+        assert self._avatar is not None
+        assert self._channels is not None
+        avatar = self._avatar
+        T_world_joint = self._world_joints(self._channels.values)
+        poses = avatar.poser.poses(T_world_joint, avatar.poses)
+        self._poses_out.publish(avatar.message.fill(stamp, poses))
+        T_root = T_world_joint[avatar.hips]
+        self._root_out.publish(
+            self._root_message.fill(stamp, T_root[:3, 3], quaternion_from_matrix(T_root[:3, :3]))
+        )
+        self._sent += 1
+        if self._markers is not None and self._markers_out.get_subscription_count():
+            period = round(SECOND / self.parameters.marker_rate)
+            if not self._next_markers - 2 * period < stamp < self._next_markers:
+                self._markers_out.publish(self._markers.fill(stamp, poses))
+                self._next_markers = stamp + period
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point of the executable."""
+    return run(ColliderNode, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

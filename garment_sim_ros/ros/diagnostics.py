@@ -1,0 +1,115 @@
+"""What a node says about itself on ``/diagnostics``, and the messages that it had to reject."""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode
+
+from garment_sim_ros.errors import MessageError
+from garment_sim_ros.ros.interfaces import DIAGNOSTICS, advertise_always
+
+_PERIOD = 1.0
+_LOG_PERIOD = 10.0
+
+
+class Rejections:
+    """Counts what was rejected, by reason; logs every reason once, then from time to time.
+
+    Args:
+        log: Takes a line of text.
+
+    Attributes:
+        counts: Rejections so far, by reason.
+    """
+
+    def __init__(self, log: Callable[[str], Any]) -> None:
+        self.counts: Counter[str] = Counter()
+        self._log = log
+        self._logged: dict[str, float] = {}
+
+    def add(self, what: str, error: MessageError) -> None:
+        """Count one rejection of `what`, a topic or other input."""
+        self.counts[error.reason] += 1
+        now = time.monotonic()
+        if now - self._logged.get(error.reason, -_LOG_PERIOD) >= _LOG_PERIOD:
+            self._logged[error.reason] = now
+            self._log(f"rejected {what}: {error} ({self.counts[error.reason]} so far)")
+
+
+@dataclass(kw_only=True)
+class Condition:
+    """How a node is.
+
+    Attributes:
+        text: A few words.
+        well: Whether nothing is missing.
+        values: Numbers and words by name.
+    """
+
+    text: str
+    well: bool = True
+    values: Mapping[str, object] = field(default_factory=dict)
+
+
+class Diagnostics:
+    """Publishes a node's condition once a second, whatever state and time the node is in.
+
+    Args:
+        node: The node.
+        rejections: Its rejections.
+        condition: Gives its condition.
+    """
+
+    def __init__(
+        self, node: LifecycleNode, rejections: Rejections, condition: Callable[[], Condition]
+    ) -> None:
+        self._node = node
+        self._rejections = rejections
+        self._condition = condition
+        self._reported: Counter[str] = Counter()
+        self._publisher = advertise_always(node, DIAGNOSTICS)
+        node.create_timer(_PERIOD, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _report(self) -> None:
+        condition = self._condition()
+        counts = Counter(self._rejections.counts)
+        new = counts - self._reported
+        self._reported = counts
+        text = condition.text
+        if new:
+            reasons = ", ".join(f"{reason} ({n})" for reason, n in sorted(new.items()))
+            text += f"; rejected in the last second: {reasons}"
+        values = dict(condition.values)
+        values.update({f"rejected.{reason}": n for reason, n in sorted(counts.items())})
+        message = DiagnosticArray(
+            status=[
+                status(
+                    self._node.get_fully_qualified_name(),
+                    values.items(),
+                    text=text,
+                    well=condition.well and not new,
+                )
+            ]
+        )
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+
+def status(
+    name: str, values: Iterable[tuple[str, object]], *, text: str = "", well: bool = True
+) -> DiagnosticStatus:
+    """One status; numbers are written so that plotting tools read them."""
+    return DiagnosticStatus(
+        level=DiagnosticStatus.OK if well else DiagnosticStatus.WARN,
+        name=name,
+        message=text,
+        values=[
+            KeyValue(key=key, value=f"{value:.6g}" if isinstance(value, float) else str(value))
+            for key, value in values
+        ],
+    )

@@ -1,0 +1,121 @@
+"""Making an outfit's simulation for a collider description, beside the node's own thread."""
+
+import threading
+from dataclasses import dataclass
+
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.colliders.description import from_json
+from garment_sim_ros.errors import GarmentSimError, MessageError
+from garment_sim_ros.garment.garment import Garment
+from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.sim.simulation import Simulation
+
+DESCRIPTION = "collider_description"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dressed:
+    """What one description led to.
+
+    Attributes:
+        revision: The description's.
+        simulation: The garments on its colliders.
+        garments: As they were made for them.
+        notes: What was assumed or repaired.
+    """
+
+    revision: str
+    simulation: Simulation
+    garments: tuple[Garment, ...]
+    notes: tuple[str, ...]
+
+
+class Dresser:
+    """Dresses a body; the latest description wins, those that come meanwhile are left out.
+
+    Args:
+        outfit: Outfit file or name.
+        body: The wearer.
+        frame_id: Frame that descriptions must be in.
+        solver: Name of the solver.
+        solver_step: Its step [s].
+    """
+
+    def __init__(
+        self, outfit: str, body: Body, *, frame_id: str, solver: str, solver_step: float
+    ) -> None:
+        self._outfit = outfit
+        self._body = body
+        self._frame_id = frame_id
+        self._solver = solver
+        self._solver_step = solver_step
+        self._thread: threading.Thread | None = None
+        self._made: Dressed | MessageError | None = None
+        self._waiting: str | None = None
+        self._revision = ""
+
+    def request(self, text: str) -> None:
+        """Have an outfit made for a description."""
+        self._waiting = text
+        self._begin()
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is being made or waits to be."""
+        return self._thread is not None
+
+    def result(self, *, wait: bool = False) -> Dressed | None:
+        """What is ready, once; None where nothing is, or the description is the one in use.
+
+        Raises:
+            MessageError: The description cannot be used.
+        """
+        thread = self._thread
+        if thread is None or (thread.is_alive() and not wait):
+            return None
+        thread.join()
+        made = self._made
+        if isinstance(made, Dressed):
+            self._revision = made.revision
+        self._thread = self._made = None
+        self._begin()
+        if isinstance(made, MessageError):
+            raise made
+        return made
+
+    def _begin(self) -> None:
+        if self._thread is None and self._waiting is not None:
+            text, self._waiting = self._waiting, None
+            # A daemon: the end of the process does not wait for it.
+            self._thread = threading.Thread(target=self._work, args=(text,), daemon=True)
+            self._thread.start()
+
+    def _work(self, text: str) -> None:
+        try:
+            self._made = self._make(text, self._revision)
+        except MessageError as error:
+            self._made = error
+        except Exception as error:
+            self._made = MessageError(DESCRIPTION, f"{type(error).__name__}: {error}")
+
+    def _make(self, text: str, current: str) -> Dressed | None:
+        colliders = from_json(text)
+        if colliders.revision == current:
+            return None
+        if colliders.frame_id != self._frame_id:
+            raise MessageError(
+                "frame_id", f"found {colliders.frame_id!r}; allowed: {self._frame_id!r}"
+            )
+        try:
+            outfit = load_outfit(self._outfit, self._body, colliders=colliders)
+            simulation = Simulation(
+                outfit.garments, colliders, solver=self._solver, solver_step=self._solver_step
+            )
+        except GarmentSimError as error:
+            raise MessageError(DESCRIPTION, str(error)) from error
+        return Dressed(
+            revision=colliders.revision,
+            simulation=simulation,
+            garments=outfit.garments,
+            notes=outfit.notes,
+        )

@@ -1,0 +1,129 @@
+"""What is published of one garment: points, mesh, topology, quality."""
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import Point
+from shape_msgs.msg import Mesh, MeshTriangle
+
+from garment_sim_ros.garment.garment import Garment
+from garment_sim_ros.params import Material
+from garment_sim_ros.ros.diagnostics import status
+from garment_sim_ros.ros.interfaces import (
+    GARMENT_MESH,
+    GARMENT_POINTS,
+    GARMENT_TOPOLOGY,
+)
+from garment_sim_ros.ros.lifecycle import ManagedNode
+from garment_sim_ros.ros.serialize import PointCloud, TriangleMarker
+from garment_sim_ros.sim.model import build_model
+from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.state import State
+from garment_sim_ros.sim.strain import StrainMeter
+
+_COLOURS = ((0.85, 0.36, 0.24, 1.0), (0.16, 0.48, 0.56, 1.0), (0.80, 0.66, 0.24, 1.0))
+
+
+class GarmentPublishers:
+    """Topics of one garment.
+
+    Args:
+        node: The node that publishes.
+        name: The garment's name.
+        frame_id: Frame of its vertices.
+        normals: Whether points carry normals.
+    """
+
+    def __init__(self, node: ManagedNode, name: str, *, frame_id: str, normals: bool) -> None:
+        self.name = name
+        self._frame_id = frame_id
+        self._normals = normals
+        self._points = node.advertise(GARMENT_POINTS, name)
+        self._mesh = node.advertise(GARMENT_MESH, name)
+        self._topology = node.advertise_always(GARMENT_TOPOLOGY, name)
+
+    def show(self, garment: Garment, number: int) -> None:
+        """Publish the topology and prepare the messages.
+
+        Args:
+            garment: The garment.
+            number: Its place in the outfit, for its colour.
+        """
+        self._points_message = PointCloud(
+            len(garment.vertices), self._frame_id, normals=self._normals
+        )
+        self._mesh_message = TriangleMarker(
+            garment.triangles, self._frame_id, self.name, _COLOURS[number % len(_COLOURS)]
+        )
+        self._topology.publish(_topology(garment))
+
+    def publish(self, simulation: Simulation, stamp: int) -> None:
+        """Publish points and mesh as they are at a simulated time [ns]."""
+        x = simulation.positions(self.name)
+        if self._points.get_subscription_count():
+            normal = simulation.normals(self.name) if self._normals else None
+            self._points.publish(self._points_message.fill(stamp, x, normal))
+        if self._mesh.get_subscription_count():
+            self._mesh.publish(self._mesh_message.fill(stamp, x))
+
+
+class GarmentQuality:
+    """Figures of one garment, for the topic `quality`.
+
+    Args:
+        name: The garment's name.
+        simulation: Simulates it.
+    """
+
+    def __init__(self, name: str, simulation: Simulation) -> None:
+        self._name = name
+        self._simulation = simulation
+        self._strain = StrainMeter(simulation.model(name))
+
+    def status(self, figures: dict[str, object], *, resets: int) -> DiagnosticStatus:
+        """One frame's status.
+
+        Args:
+            figures: What belongs to the frame and not to the garment.
+            resets: Times all garments were put on anew.
+        """
+        health = self._simulation.health(self._name)
+        strain = self._strain.read(self._simulation.state(self._name))
+        values: dict[str, object] = {
+            **figures,
+            "strain_p95": strain.p95,
+            "strain_max": strain.largest,
+            "contacts": health.contacts,
+            "rms_speed": health.rms_speed,
+            "max_speed": health.max_speed,
+            "resets": health.resets + resets,
+        }
+        return status(self._name, values.items(), well=health.resets == 0)
+
+
+def warm_up() -> None:
+    """Compile, or load from the cache, what publishing a frame runs."""
+    vertices = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]])
+    triangles = np.array([[0, 1, 2]], dtype=np.int32)
+    none = np.zeros(0, np.int32)
+    model = build_model(
+        "scrap",
+        vertices,
+        triangles,
+        Material(),
+        pins=none,
+        pin_collider=none,
+        pin_position=np.zeros((0, 3)),
+    )
+    StrainMeter(model).read(State.at(model, vertices, np.zeros(3)))
+    marker = TriangleMarker(triangles, "world", "scrap", _COLOURS[0])
+    marker.fill(0, vertices.astype(np.float32))
+
+
+def _topology(garment: Garment) -> Mesh:
+    return Mesh(
+        triangles=[
+            MeshTriangle(vertex_indices=np.asarray(triangle, dtype=np.uint32))
+            for triangle in garment.triangles
+        ],
+        vertices=[Point(x=float(x), y=float(y), z=float(z)) for x, y, z in garment.vertices],
+    )

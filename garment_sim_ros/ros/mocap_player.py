@@ -1,0 +1,127 @@
+"""`mocap_player`: a clip as joint states, with the skeleton that they move."""
+
+import sys
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+from garment_sim_ros.errors import ParameterError
+from garment_sim_ros.mocap.clip import Clip
+from garment_sim_ros.mocap.clips import load_clip
+from garment_sim_ros.mocap.sampling import ClipSampler
+from garment_sim_ros.mocap.source_urdf import urdf_from_clip
+from garment_sim_ros.params import MocapPlayerParameters
+from garment_sim_ros.ros.diagnostics import Condition
+from garment_sim_ros.ros.interfaces import CLOCK, JOINT_STATES, ROBOT_DESCRIPTION
+from garment_sim_ros.ros.lifecycle import ManagedNode, run
+from garment_sim_ros.ros.serialize import Joints
+from garment_sim_ros.ros.ticker import SECOND
+
+_RATES = (1.0, 1000.0)
+_RATE_OF_STILLS = 60.0
+
+
+class MocapPlayer(ManagedNode[MocapPlayerParameters]):
+    """Plays on an absolute schedule: stamps are evenly spaced and do not drift."""
+
+    def __init__(self) -> None:
+        super().__init__("mocap_player", MocapPlayerParameters, dynamic=("speed",))
+        self._sent = 0
+        self._clip_time = 0.0
+        self._stamp = 0
+        self._paused = False
+        self.create_service(Trigger, "~/reset", self._reset)
+        self.create_service(SetBool, "~/pause", self._pause)
+
+    def prepare(self) -> None:
+        """Load the clip.
+
+        Raises:
+            InputFileError: It cannot be used.
+            ParameterError: The node would be its own clock's follower.
+        """
+        p = self.parameters
+        if p.publish_clock and self.get_parameter("use_sim_time").value:
+            raise ParameterError("use_sim_time", "found true", "allowed: false with publish_clock")
+        clip = load_clip(p.clip)
+        for note in clip.notes:
+            self.get_logger().info(f"{clip.name}: {note}")
+        repeat = ("carry" if p.travel else "loop") if p.loop else "once"
+        self._rate = p.rate or _rate_of(clip)
+        self._sampler = ClipSampler(clip, repeat)
+        self._message = Joints(clip.rig.dofs.names, p.frame_id)
+        # Compiles what the timer will run, in the first round and in later ones.
+        for rounds in (0.5, 1.5):
+            self._message.fill(0, self._sampler.sample(rounds * clip.duration))
+        self._urdf = urdf_from_clip(clip, p.frame_id)
+        self._joints = self.advertise(JOINT_STATES)
+        self._description = self.advertise(ROBOT_DESCRIPTION)
+        self._clock_topic = self.advertise(CLOCK) if p.publish_clock else None
+        self._clip_time = 0.0
+        self.get_logger().info(
+            f"plays {clip.name}: {clip.duration:.2f} s, {len(clip.rig.dofs)} channels, "
+            f"{self._rate:.4g} Hz"
+        )
+
+    def start(self) -> None:
+        """Publish the skeleton, then joint states."""
+        self._description.publish(String(data=self._urdf))
+        self._ticker = self.tick_at(self._rate, self._tick)
+
+    def stop(self) -> None:
+        """Keep the place in the clip."""
+        self.stop_ticking()
+
+    def condition(self) -> Condition:
+        """What is played."""
+        return Condition(
+            text="paused" if self._paused else self.state,
+            values={"messages": self._sent, "clip_time_s": self._clip_time},
+        )
+
+    def _tick(self, due: int, ticks: int) -> None:
+        period = self._ticker.period
+        if self._clock_topic is None:
+            self._stamp = due
+        else:
+            # Time 0 would mean that there is no time yet.
+            self._stamp += ticks * period
+            self._clock_topic.publish(
+                Clock(clock=Time(sec=self._stamp // SECOND, nanosec=self._stamp % SECOND))
+            )
+        self._joints.publish(
+            self._message.fill(self._stamp, self._sampler.sample(self._clip_time))
+        )
+        self._sent += 1
+        if not self._paused:
+            self._clip_time += self.parameters.speed * ticks * period / SECOND
+
+    def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._clip_time = 0.0
+        response.success, response.message = True, "at the beginning of the clip"
+        return response
+
+    def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._paused = bool(request.data)
+        response.success = True
+        response.message = "the body stands still" if self._paused else "playing"
+        return response
+
+
+def _rate_of(clip: Clip) -> float:
+    """Samples per second of a clip, within what is played."""
+    if len(clip.times) < 2:
+        return _RATE_OF_STILLS
+    return float(np.clip(1.0 / np.median(np.diff(clip.times)), *_RATES))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point of the executable."""
+    return run(MocapPlayer, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,124 @@
+"""ROS parameters out of the parameter groups of `garment_sim_ros.params`.
+
+Ranges and texts of the declarations become descriptors, so that tools show them. A value from
+outside passes through `params.checked`, at the start and whenever it is set.
+"""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+from typing import Any, Generic, TypeVar
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from garment_sim_ros.errors import ParameterError
+from garment_sim_ros.params import Declaration, checked, declarations
+
+Group = TypeVar("Group")
+
+_NO_LIMIT = 1e300
+
+
+class NodeParameters(Generic[Group]):
+    """One group of parameters on one node.
+
+    Args:
+        node: The node.
+        group: The parameter group.
+        dynamic: Names that may be set while the node runs; the others are read-only.
+        on_change: Called with the new values after some of them were set.
+
+    Attributes:
+        values: The values now, an instance of the group.
+
+    Raises:
+        ParameterError: A value given at the start is not allowed.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        group: type[Group],
+        *,
+        dynamic: Collection[str] = (),
+        on_change: Callable[[Group], None] | None = None,
+    ) -> None:
+        self._declarations = declarations(group)
+        self._on_change = on_change
+        self.values: Group = group(
+            **{
+                name: self._declare(node, declaration, read_only=name not in dynamic)
+                for name, declaration in self._declarations.items()
+            }
+        )
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._take)
+
+    def _declare(self, node: Node, declaration: Declaration, *, read_only: bool) -> Any:
+        name, default = declaration.name, declaration.default
+        # Any type at first: a whole number is a number, and errors are to be our own.
+        anything = ParameterDescriptor(dynamic_typing=True)
+        given = node.declare_parameter(name, _plain(default), anything).value
+        node.undeclare_parameter(name)
+        value = checked(declaration, given)
+        node.declare_parameter(
+            name, _plain(value), _descriptor(declaration, read_only), ignore_override=True
+        )
+        return value
+
+    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        try:
+            for parameter in parameters:
+                if parameter.name in self._declarations:
+                    checked(self._declarations[parameter.name], parameter.value)
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _take(self, parameters: Sequence[Parameter]) -> None:
+        changes = {
+            p.name: checked(self._declarations[p.name], p.value)
+            for p in parameters
+            if p.name in self._declarations
+        }
+        if changes:
+            self.values = replace(self.values, **changes)  # type: ignore[type-var]
+            if self._on_change is not None:
+                self._on_change(self.values)
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _descriptor(declaration: Declaration, read_only: bool) -> ParameterDescriptor:
+    unit = f" [{declaration.unit}]" if declaration.unit else ""
+    descriptor = ParameterDescriptor(
+        description=declaration.text + unit,
+        additional_constraints=declaration.allowed,
+        read_only=read_only,
+    )
+    low, high = declaration.minimum, declaration.maximum
+    if declaration.type is float and (low is not None or high is not None):
+        descriptor.floating_point_range = [
+            FloatingPointRange(
+                from_value=-_NO_LIMIT if low is None else float(low),
+                to_value=_NO_LIMIT if high is None else float(high),
+                step=0.0,
+            )
+        ]
+    if declaration.type is int and (low is not None or high is not None):
+        descriptor.integer_range = [
+            IntegerRange(
+                from_value=-(2**31) if low is None else int(low),
+                to_value=2**31 if high is None else int(high),
+                step=1,
+            )
+        ]
+    return descriptor

@@ -1,0 +1,168 @@
+"""Records an avatar's topics into a rosbag2 (mcap) as the serialized bytes that arrive."""
+
+import importlib
+import queue
+import threading
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+_NAMES = frozenset(
+    {
+        *("joint_states", "robot_description", "root_pose", "quality", "diagnostics"),
+        *("collider_poses", "collider_description", "collider_markers"),
+    }
+)
+_DISCOVERY_PERIOD = 0.05  # [s]
+_DEPTH = 1000  # arrived messages that may wait; the publishers' own depth is what they offer
+_FOREVER = QosTime(2147483647, 4294967295)
+
+
+def is_recorded(topic: str) -> bool:
+    """Whether a topic, by its full name, belongs to an avatar."""
+    parts = topic.split("/")
+    return parts[-1] in _NAMES or "garments" in parts[:-1]
+
+
+class Recorder:
+    """Records while its `with` block runs, in a node and threads of its own.
+
+    Topics are subscribed to as they appear. Writing happens in another thread than receiving, so
+    that compression and the disk delay nothing.
+
+    Args:
+        path: Folder of the bag; must not exist.
+        name: Name of the node.
+
+    Attributes:
+        first_cloth: Set when the first points of a garment have arrived.
+        counts: Messages so far, by topic.
+    """
+
+    def __init__(self, path: Path, name: str = "recorder") -> None:
+        self.first_cloth = threading.Event()
+        self.counts: dict[str, int] = {}
+        self._writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        self._types = get_typestore(Stores.ROS2_JAZZY)
+        self._queue: queue.SimpleQueue[tuple[Connection, int, bytes] | None] = queue.SimpleQueue()
+        self._failure: BaseException | None = None
+        self._name = name
+
+    def __enter__(self) -> "Recorder":
+        self._writer.open()
+        self._context = Context()
+        # Ctrl-C belongs to the program, which then leaves this block.
+        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node(self._name, context=self._context)
+        self._node.create_timer(_DISCOVERY_PERIOD, self._discover)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._threads = [
+            threading.Thread(target=self._spin, name="receive", daemon=True),
+            threading.Thread(target=self._write, name="write", daemon=True),
+        ]
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        rclpy.shutdown(context=self._context)
+        self._threads[0].join()
+        self._node.destroy_node()
+        self._queue.put(None)
+        self._threads[1].join()
+        self._writer.close()
+        if self._failure is not None and error is None:
+            raise self._failure
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            pass
+        except BaseException as error:
+            self._failure = error
+
+    def _write(self) -> None:
+        while (item := self._queue.get()) is not None:
+            if self._failure is None:
+                try:
+                    self._writer.write(*item)
+                except BaseException as error:
+                    self._failure = error
+
+    def _discover(self) -> None:
+        for topic, types in self._node.get_topic_names_and_types():
+            if topic in self.counts or not is_recorded(topic):
+                continue
+            offers = self._node.get_publishers_info_by_topic(topic)
+            if offers:
+                self._subscribe(topic, types[0], offers)
+
+    def _subscribe(self, topic: str, kind: str, offers: list[TopicEndpointInfo]) -> None:
+        self.counts[topic] = 0
+        reliable = all(o.qos_profile.reliability == ReliabilityPolicy.RELIABLE for o in offers)
+        latched = all(o.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offers)
+        profile = QoSProfile(
+            history=HistoryPolicy.KEEP_LAST,
+            depth=_DEPTH,
+            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        )
+        connection = self._writer.add_connection(
+            topic, kind, typestore=self._types, offered_qos_profiles=[_offered(profile)]
+        )
+        is_cloth = topic.endswith("/points")
+
+        def arrived(data: Any, info: dict[str, int]) -> None:
+            # When the middleware got it: this thread may come to it later.
+            self._queue.put((connection, info["received_timestamp"] or time.time_ns(), data))
+            self.counts[topic] += 1
+            if is_cloth:
+                self.first_cloth.set()
+
+        package, _, message = kind.partition("/msg/")
+        message_type = getattr(importlib.import_module(f"{package}.msg"), message)
+        callback: Any = arrived  # the declared type knows no message info
+        self._node.create_subscription(message_type, topic, callback, profile, raw=True)
+
+
+def _offered(profile: QoSProfile) -> Qos:
+    """The profile that a player of the bag should publish with."""
+    latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    return Qos(
+        history=QosHistory.KEEP_LAST,
+        depth=1 if latched else 10,
+        reliability=QosReliability(int(profile.reliability)),
+        durability=QosDurability(int(profile.durability)),
+        deadline=_FOREVER,
+        lifespan=_FOREVER,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=_FOREVER,
+        avoid_ros_namespace_conventions=False,
+    )

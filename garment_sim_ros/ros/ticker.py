@@ -1,0 +1,108 @@
+"""Calls at a fixed rate on an absolute grid of times: nothing drifts, what was missed is known.
+
+`rclpy`'s executor looks at every entity of a node whenever it wakes, which takes longer than many
+a frame. So in real time the grid is kept here, by sleeping; the executor then only has a look now
+and then (`spin`). In simulated time the calls come from a timer of the node's.
+"""
+
+import time
+from collections.abc import Callable
+
+from rclpy.executors import Executor, TimeoutException
+from rclpy.lifecycle import LifecycleNode
+
+SECOND = 1_000_000_000
+_LOOK_PERIOD = SECOND // 10
+"""How often services, parameters and descriptions are looked at beside the ticks [ns]."""
+_LOST = 10 * SECOND
+"""A grid so far in the past or future is left: the clock was set, or the machine slept [ns]."""
+
+
+class Ticker:
+    """Calls back at a fixed rate of the node's clock.
+
+    Args:
+        node: The node.
+        rate: Calls per second [Hz].
+        callback: Takes the time at which the call was due [ns] and how many periods have passed
+            since the one before: 1, or more where calls had to be left out.
+
+    Attributes:
+        period: Time between calls [ns].
+        is_simulated: Whether the node's clock is a simulated one.
+    """
+
+    def __init__(
+        self, node: LifecycleNode, rate: float, callback: Callable[[int, int], None]
+    ) -> None:
+        self.period = round(SECOND / rate)
+        self.is_simulated = bool(node.get_parameter("use_sim_time").value)
+        self._callback = callback
+        self._node = node
+        self._due = self.now() + self.period
+        self._timer = None
+        if self.is_simulated:
+            self._timer = node.create_timer(self.period / SECOND, self._tick)
+
+    def now(self) -> int:
+        """Time of the node's clock [ns]."""
+        return int(self._node.get_clock().now().nanoseconds)
+
+    def wait(self, longest: int) -> None:
+        """Sleep until the next call is due, at most some time [ns], and make it."""
+        ahead = self._due - self.now()
+        if ahead > longest and ahead < _LOST:
+            time.sleep(longest / SECOND)
+        else:
+            if 0 < ahead < _LOST:
+                time.sleep(ahead / SECOND)
+            self._tick()
+
+    def destroy(self) -> None:
+        """Stop for good."""
+        if self._timer is not None:
+            self._node.destroy_timer(self._timer)
+
+    def _tick(self) -> None:
+        now = self.now()
+        if abs(now - self._due) > _LOST:
+            self._due = now
+        # A timer comes a little early by its own reckoning, never by half a period.
+        missed = max(0, (now - self._due + self.period // 4) // self.period)
+        due = self._due + missed * self.period
+        self._due = due + self.period
+        self._callback(due, 1 + missed)
+
+
+def spin(executor: Executor, ticker: Callable[[], Ticker | None]) -> None:
+    """Run a node's callbacks until its context is shut down.
+
+    Args:
+        executor: Has the node.
+        ticker: Gives the ticker that the node has at the moment.
+
+    Raises:
+        ExternalShutdownException: The context was shut down.
+    """
+    looked = 0
+    while True:
+        current = ticker()
+        if current is None or current.is_simulated:
+            executor.spin_once()
+            continue
+        current.wait(_LOOK_PERIOD)
+        now = time.monotonic_ns()
+        if now - looked >= _LOOK_PERIOD:
+            looked = now
+            _look(executor)
+
+
+def _look(executor: Executor) -> None:
+    """Run what is ready, without waiting."""
+    while True:
+        try:
+            handler, _, _ = executor.wait_for_ready_callbacks(timeout_sec=0.0)
+        except TimeoutException:
+            return
+        handler()
+        handler.result()  # raises what the callback raised

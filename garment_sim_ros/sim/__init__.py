@@ -1,0 +1,1 @@
+"""The cloth simulation: model, state, step, solvers and kernels."""

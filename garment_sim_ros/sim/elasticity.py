@@ -1,0 +1,160 @@
+"""Stiffness of a fabric, in SI units, as stiffness of a mesh's edges and hinges."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.geometry.topology import hinge_vertices
+from garment_sim_ros.params import Material
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+LongArray = NDArray[np.int64]
+
+_FLAT = 0.9
+"""Triangles whose normal is closer to the vertical than this (as a cosine) lie flat."""
+_FIT_ROUNDS = 300
+_NEAR_ZERO = 1e-9
+"""Area of a triangle without shape, as a share of its longest edge's square."""
+
+
+class Hinges(NamedTuple):
+    """Pairs of triangles that share an edge.
+
+    Attributes:
+        particles: The edge's two ends and the two opposite corners, shape [h, 4].
+        weight: Curvature of the pair is the length of ``sum_k weight_k x_k``, shape [h, 4].
+        stiffness: Energy is half of this times curvature squared [N/m], shape [h].
+    """
+
+    particles: IntArray
+    weight: FloatArray
+    stiffness: FloatArray
+
+
+def warp_directions(rest: FloatArray, triangles: IntArray) -> FloatArray:
+    """Unit warp direction of every triangle, shape [t, 3].
+
+    Garments hang along the warp (knits: along the wales): it is the vertical of the rest shape,
+    projected into the triangle. In a triangle that lies flat it is the x axis.
+    """
+    a, b, c = (rest[triangles[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    axis = np.where(np.abs(normal[:, 2:]) > _FLAT, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    warp = axis - (axis * normal).sum(axis=1, keepdims=True) * normal
+    return warp / np.maximum(np.linalg.norm(warp, axis=1, keepdims=True), 1e-300)
+
+
+def _triangle_edges(rest: FloatArray, triangles: IntArray) -> tuple[LongArray, FloatArray]:
+    """Ends of each triangle's edges, ascending, shape [t, 3, 2], and edge vectors [t, 3, 3]."""
+    pairs = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].astype(np.int64), axis=2)
+    return pairs, rest[pairs[..., 0]] - rest[pairs[..., 1]]
+
+
+def _areas(apart: FloatArray) -> FloatArray:
+    """Areas of triangles from edge vectors; 0 for those without shape, shape [t]."""
+    area = 0.5 * np.linalg.norm(np.cross(apart[:, 0], apart[:, 1]), axis=1)
+    area[area < _NEAR_ZERO * (apart**2).sum(axis=2).max(axis=1)] = 0.0
+    return area
+
+
+def _share(cos2: FloatArray, asked: FloatArray) -> FloatArray:
+    """Non-negative c [t, 3] whose three sums, see `edge_stiffness`, come nearest to those asked.
+
+    Nearest in relative terms, by projected coordinate descent. `cos2` [t, 3]: squared cosines of
+    the angles to the warp.
+    """
+    sin2 = np.maximum(1.0 - cos2, 0.0)
+    largest = max(float(asked.max()), 1e-300)
+    # Where an odd triangle cannot have all three, stretch matters more than shear.
+    importance = np.array([1.0, 1.0, 0.3]) / np.maximum(asked / largest, 1e-3)
+    basis = np.stack([cos2**2, sin2**2, cos2 * sin2], axis=1) * importance[:, None]
+    target = asked / largest * importance
+    norm = np.maximum((basis**2).sum(axis=1), 1e-12)
+    c = np.full(cos2.shape, 0.5)
+    for _ in range(_FIT_ROUNDS):
+        for e in range(3):
+            missing = target - np.einsum("tse,te->ts", basis, c)
+            c[:, e] += (basis[:, :, e] * missing).sum(axis=1) / norm[:, e]
+            np.maximum(c[:, e], 0.0, out=c[:, e])
+    return c * largest
+
+
+def _sum_per_edge(pairs: LongArray, values: FloatArray, wanted: IntArray) -> FloatArray:
+    """Sums of values [t, 3] over the triangles at each edge in `wanted` [m, 2], shape [m]."""
+    n = int(pairs.max()) + 1
+    unique, index = np.unique(pairs[..., 0] * n + pairs[..., 1], return_inverse=True)
+    total = np.zeros(len(unique))
+    np.add.at(total, index.ravel(), values.ravel())
+    ends = np.sort(wanted.astype(np.int64), axis=1)
+    return total[np.searchsorted(unique, ends[:, 0] * n + ends[:, 1])]
+
+
+def edge_stiffness(
+    rest: FloatArray, triangles: IntArray, edges: IntArray, material: Material
+) -> FloatArray:
+    """Stiffness of each edge as a spring [N/m], shape [m].
+
+    A triangle of area A whose edges, of lengths l_e at angles a_e to the warp, have the strains
+    s_e, stores A/2 sum_e c_e s_e^2, with k_e = A c_e / l_e^2. In a homogeneous strain that is the
+    energy of a membrane with the stiffnesses
+
+        warp: sum c_e cos^4 a_e,  weft: sum c_e sin^4 a_e,  shear: sum c_e cos^2 a_e sin^2 a_e
+
+    (Ostoja-Starzewski 2002, "Lattice models in micromechanics", section 2). The c_e, none
+    negative, are those that come nearest to the material's three, in relative terms. Springs have
+    no more freedom: their resistance to warp strain from weft stress equals the shear stiffness.
+
+    Args:
+        rest: Rest positions [m], shape [n, 3].
+        triangles: Particles of the triangles, shape [t, 3].
+        edges: Particles of the edges, each of some triangle, shape [m, 2].
+        material: The fabric.
+    """
+    pairs, apart = _triangle_edges(rest, triangles)
+    squared = np.maximum((apart**2).sum(axis=2), 1e-300)
+    along = np.einsum("tek,tk->te", apart, warp_directions(rest, triangles))
+    asked = (
+        material.stretch_stiffness_warp,
+        material.stretch_stiffness_weft,
+        material.shear_stiffness,
+    )
+    c = _share(along**2 / squared, np.array(asked))
+    return _sum_per_edge(pairs, _areas(apart)[:, None] * c / squared, edges)
+
+
+def hinges(rest: FloatArray, triangles: IntArray, material: Material) -> Hinges:
+    """Pairs of adjacent triangles with their resistance to bending.
+
+    With angles measured at rest, x0 and x1 the ends of the shared edge and x2 and x3 the opposite
+    corners, the sum over w = (cot_1 + cot_1', cot_0 + cot_0', -cot_0 - cot_1, -cot_0' - cot_1')
+    times x vanishes where the pair is flat, and is linear. Divided by the area A of both triangles
+    it is a curvature: the energy is B / 2A |sum w_k x_k|^2. That is equation 2 of Bergou et al.
+    2006, "A quadratic bending model for inextensible surfaces", without its factor of 3, which
+    belongs to edge-based elements: a mesh of equilateral triangles that is bent to a cylinder
+    stores B/2 per area and squared curvature in every direction, and a grid does along its axes.
+
+    Poisson's ratio is that of the mesh, 1/3 for equilateral triangles. Cloth is cut from flat
+    panels: the rest state is flat, whatever shape the garment is given in.
+    """
+    particles = hinge_vertices(triangles)
+    x0, x1, x2, x3 = (rest[particles[:, k]] for k in range(4))
+    areas, cot0, cot1 = [], [], []
+    for corner in (x2, x3):
+        doubled = np.linalg.norm(np.cross(x1 - x0, corner - x0), axis=1)
+        areas.append(0.5 * doubled)
+        doubled = np.maximum(doubled, 1e-300)
+        cot0.append(((x1 - x0) * (corner - x0)).sum(axis=1) / doubled)
+        cot1.append(((x0 - x1) * (corner - x1)).sum(axis=1) / doubled)
+    weight = np.stack(
+        [cot1[0] + cot1[1], cot0[0] + cot0[1], -cot0[0] - cot1[0], -cot0[1] - cot1[1]], axis=1
+    )
+    proper = np.minimum(*areas) > _NEAR_ZERO * ((x1 - x0) ** 2).sum(axis=1)
+    both = areas[0][proper] + areas[1][proper]
+    return Hinges(
+        particles=particles[proper],
+        weight=weight[proper],
+        stiffness=material.bending_stiffness / both,
+    )

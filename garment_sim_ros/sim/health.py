@@ -1,0 +1,24 @@
+"""Counts and readings of one garment, for diagnostics."""
+
+from dataclasses import dataclass
+
+
+@dataclass(kw_only=True)
+class Health:
+    """What happened to one garment so far.
+
+    Attributes:
+        steps: Solver steps taken.
+        resets: Times it was put back to its last good state because it was not finite.
+        settling_steps: Steps that the last `reset` took to settle.
+        contacts: Free particles in contact in the last step.
+        rms_speed: RMS speed of free particles after the last step [m/s].
+        max_speed: Highest speed after the last step [m/s].
+    """
+
+    steps: int = 0
+    resets: int = 0
+    settling_steps: int = 0
+    contacts: int = 0
+    rms_speed: float = 0.0
+    max_speed: float = 0.0

@@ -1,0 +1,108 @@
+"""Extended position-based dynamics of edges as springs with compliance.
+
+With f = 1 - l/d for an edge of length d and rest length l, the constraint C = d - l has the
+direction C grad C = f (x_i - x_j). Here f is the quotient 2 (d^2 - l^2) / (l^2 + 3 d^2), which
+needs no root: it agrees with 1 - l/d to third order at d = l (its Pade approximant in d^2), has
+the same root, and stays finite where the ends coincide. At 10 % strain the two differ by 0.3 %.
+"""
+
+import numpy as np
+
+from garment_sim_ros.geometry.jit import kernel
+
+_ONE = np.uint64(1)
+_TWO = np.uint64(2)
+_THREE = np.uint64(3)
+
+
+@kernel()
+def prepare_edges(particles, stiffness, inverse_mass, rest_squared, keep, dt, edges):
+    """What a sub-step of dt needs of each edge: compliance 1 / (k dt^2) against inverse masses.
+
+    Args:
+        particles: Ends, flat, shape [2 m].
+        stiffness: Stiffnesses k [N/m], shape [m].
+        inverse_mass: Inverse masses [1/kg], shape [n].
+        rest_squared: Squared rest lengths [m^2], shape [m].
+        keep: Part of velocity that damping leaves in a sub-step; of what forces add, too.
+        dt: Sub-step [s].
+        edges: Output, see `Edges`, shape [m, 4].
+    """
+    for e in range(stiffness.size):
+        w0 = keep * inverse_mass[particles[2 * e]]
+        w1 = keep * inverse_mass[particles[2 * e + 1]]
+        pull = stiffness[e] * dt * dt
+        share = pull / ((w0 + w1) * pull + 1.0)
+        edges[e, 0] = rest_squared[e]
+        edges[e, 1] = w0 * share
+        edges[e, 2] = w1 * share
+        edges[e, 3] = 1.0 / ((w0 + w1) * pull + 1.0)
+
+
+@kernel()
+def solve_edges(x, particles, edges):
+    """One Gauss-Seidel pass from multipliers of zero (Macklin et al. 2016, equation 18).
+
+    Args:
+        x: Positions, changed in place, flat [m], shape [3 n].
+        particles: Ends, flat, unsigned, shape [2 m].
+        edges: From `prepare_edges`, shape [m, 4].
+    """
+    for e in range(edges.shape[0]):
+        i = _THREE * np.uint64(particles[2 * e])
+        j = _THREE * np.uint64(particles[2 * e + 1])
+        ix, iy, iz = x[i], x[i + _ONE], x[i + _TWO]
+        jx, jy, jz = x[j], x[j + _ONE], x[j + _TWO]
+        dx = ix - jx
+        dy = iy - jy
+        dz = iz - jz
+        squared = dx * dx + dy * dy + dz * dz + np.float32(1e-20)
+        rest = edges[e, 0]
+        over = squared - rest
+        f = (over + over) / (rest + np.float32(3.0) * squared)
+        a = edges[e, 1] * f
+        b = edges[e, 2] * f
+        x[i] = ix - a * dx
+        x[i + _ONE] = iy - a * dy
+        x[i + _TWO] = iz - a * dz
+        x[j] = jx + b * dx
+        x[j + _ONE] = jy + b * dy
+        x[j + _TWO] = jz + b * dz
+
+
+@kernel()
+def solve_edges_again(x, particles, edges, pull):
+    """One further pass, which takes the multipliers so far into account.
+
+    `pull` holds, for each edge, compliance times multiplier over rest length: the f at which the
+    force applied so far is the spring's own, but for the factor 1 - f that turns l into d.
+
+    Args:
+        x: Positions, changed in place, flat [m], shape [3 n].
+        particles: Ends, flat, unsigned, shape [2 m].
+        edges: From `prepare_edges`, shape [m, 4].
+        pull: Multipliers, zero before the first pass, changed in place, shape [m].
+    """
+    for e in range(edges.shape[0]):
+        i = _THREE * np.uint64(particles[2 * e])
+        j = _THREE * np.uint64(particles[2 * e + 1])
+        ix, iy, iz = x[i], x[i + _ONE], x[i + _TWO]
+        jx, jy, jz = x[j], x[j + _ONE], x[j + _TWO]
+        dx = ix - jx
+        dy = iy - jy
+        dz = iz - jz
+        squared = dx * dx + dy * dy + dz * dz + np.float32(1e-20)
+        rest = edges[e, 0]
+        over = squared - rest
+        f = (over + over) / (rest + np.float32(3.0) * squared)
+        shrink = np.float32(1.0) - f
+        f -= pull[e] * shrink
+        pull[e] += edges[e, 3] * f / shrink
+        a = edges[e, 1] * f
+        b = edges[e, 2] * f
+        x[i] = ix - a * dx
+        x[i + _ONE] = iy - a * dy
+        x[i + _TWO] = iz - a * dz
+        x[j] = jx + b * dx
+        x[j + _ONE] = jy + b * dy
+        x[j + _TWO] = jz + b * dz

@@ -1,0 +1,179 @@
+"""Contact between two searches: against the tangent planes where particles touched.
+
+A search (`geometry.contact`) costs more than the rest of a sub-step. Between two of them a
+particle that was in contact meets the plane through its place, across the normal found there,
+moving on as the shape moved. On the outside of a round shape the plane lies outside of it: a
+particle that slides lifts off by a few micrometres, and the next search puts it back.
+"""
+
+import numpy as np
+
+from garment_sim_ros.geometry.jit import kernel
+
+
+@kernel()
+def remember_planes(x, x_start, shape, carry, place, ride):
+    """Keeps where particles touch and how the shape moves there.
+
+    Args:
+        x: Positions after the search [m], shape [n, 3].
+        x_start: Positions at the start of that sub-step [m], shape [n, 3].
+        shape: Shape that each touches, -1 for none, shape [n].
+        carry: How points move with the shapes in a sub-step, see `PosedShapes`, shape [m, 3, 4].
+        place: Output, a point of each plane [m], shape [n, 3].
+        ride: Output, how far the plane moves in a sub-step [m], shape [n, 3].
+    """
+    for p in range(shape.size):
+        c = shape[p]
+        if c >= 0:
+            sx = x_start[p, 0]
+            sy = x_start[p, 1]
+            sz = x_start[p, 2]
+            for k in range(3):
+                place[p, k] = x[p, k]
+                ride[p, k] = (
+                    carry[c, k, 0] * sx
+                    + carry[c, k, 1] * sy
+                    + carry[c, k, 2] * sz
+                    + carry[c, k, 3]
+                )
+
+
+@kernel()
+def touch_planes(x, v, x_start, shape, normal, place, ride, friction, dt):
+    """Contact with the planes: friction and inelastic, as `geometry.contact.collide` has it.
+
+    Args:
+        x: Positions, changed in place [m], shape [n, 3].
+        v: Velocities that led there, changed in place [m/s], shape [n, 3].
+        x_start: Positions at the start of the sub-step [m], shape [n, 3].
+        shape: Shape that each particle touched, -1 for none, shape [n].
+        normal: Outward normal there, shape [n, 3].
+        place: A point of each plane, moved on in place [m], shape [n, 3].
+        ride: How far the plane moves in a sub-step [m], shape [n, 3].
+        friction: Coulomb coefficient.
+        dt: Sub-step [s].
+    """
+    zero = np.float32(0.0)
+    rate = np.float32(1.0) / dt
+    for p in range(shape.size):
+        if shape[p] < 0:
+            continue
+        nx = normal[p, 0]
+        ny = normal[p, 1]
+        nz = normal[p, 2]
+        rx = ride[p, 0]
+        ry = ride[p, 1]
+        rz = ride[p, 2]
+        place[p, 0] += rx
+        place[p, 1] += ry
+        place[p, 2] += rz
+        depth = (
+            (place[p, 0] - x[p, 0]) * nx
+            + (place[p, 1] - x[p, 1]) * ny
+            + (place[p, 2] - x[p, 2]) * nz
+        )
+        if depth <= zero:
+            continue
+        ux = x[p, 0] - x_start[p, 0] - rx
+        uy = x[p, 1] - x_start[p, 1] - ry
+        uz = x[p, 2] - x_start[p, 2] - rz
+        along = ux * nx + uy * ny + uz * nz
+        ux -= along * nx
+        uy -= along * ny
+        uz -= along * nz
+        slip = np.sqrt(ux * ux + uy * uy + uz * uz)
+        limit = friction * depth
+        held = np.float32(1.0) if slip <= limit else limit / slip
+        ux = depth * nx - held * ux
+        uy = depth * ny - held * uy
+        uz = depth * nz - held * uz
+        x[p, 0] += ux
+        x[p, 1] += uy
+        x[p, 2] += uz
+        vx = v[p, 0] + ux * rate
+        vy = v[p, 1] + uy * rate
+        vz = v[p, 2] + uz * rate
+        leaving = (vx - rx * rate) * nx + (vy - ry * rate) * ny + (vz - rz * rate) * nz
+        leaving = max(leaving, zero)
+        v[p, 0] = vx - leaving * nx
+        v[p, 1] = vy - leaving * ny
+        v[p, 2] = vz - leaving * nz
+
+
+@kernel()
+def stop_at_contacts(x, v, x_start, x_before, shape, normal, depth, carry, friction, dt, motion):
+    """Velocities after a search: none into a shape, and less slip, by Coulomb's law.
+
+    Being moved out of a shape changes no velocity. A particle that could not go straight out is
+    pinched between shapes, and goes with the deepest.
+
+    Args:
+        x: Positions after the search [m], shape [n, 3].
+        v: Velocities before contact, changed in place [m/s], shape [n, 3].
+        x_start: Positions at the start of the sub-step [m], shape [n, 3].
+        x_before: Positions before the search [m], shape [n, 3].
+        shape: Shape that each particle touches, -1 for none, shape [n].
+        normal: Outward normal there, shape [n, 3].
+        depth: How deep it was [m], shape [n].
+        carry: How points move with the shapes in a sub-step, see `PosedShapes`, shape [m, 3, 4].
+        friction: Coulomb coefficient.
+        dt: Sub-step [s].
+        motion: Output, sum and maximum of squared speeds [m^2/s^2], shape [2].
+    """
+    zero = np.float32(0.0)
+    rate = np.float32(1.0) / dt
+    total = 0.0
+    fastest = zero
+    for p in range(shape.size):
+        c = shape[p]
+        vx = v[p, 0]
+        vy = v[p, 1]
+        vz = v[p, 2]
+        if c >= 0:
+            sx = x_start[p, 0]
+            sy = x_start[p, 1]
+            sz = x_start[p, 2]
+            nx = normal[p, 0]
+            ny = normal[p, 1]
+            nz = normal[p, 2]
+            ux = vx - rate * (
+                carry[c, 0, 0] * sx + carry[c, 0, 1] * sy + carry[c, 0, 2] * sz + carry[c, 0, 3]
+            )
+            uy = vy - rate * (
+                carry[c, 1, 0] * sx + carry[c, 1, 1] * sy + carry[c, 1, 2] * sz + carry[c, 1, 3]
+            )
+            uz = vz - rate * (
+                carry[c, 2, 0] * sx + carry[c, 2, 1] * sy + carry[c, 2, 2] * sz + carry[c, 2, 3]
+            )
+            out = (
+                (x[p, 0] - x_before[p, 0]) * nx
+                + (x[p, 1] - x_before[p, 1]) * ny
+                + (x[p, 2] - x_before[p, 2]) * nz
+            )
+            along = ux * nx + uy * ny + uz * nz
+            if out < np.float32(0.5) * depth[p]:
+                vx -= ux
+                vy -= uy
+                vz -= uz
+                v[p, 0] = vx
+                v[p, 1] = vy
+                v[p, 2] = vz
+            elif along < zero:
+                ux -= along * nx
+                uy -= along * ny
+                uz -= along * nz
+                slip = np.sqrt(ux * ux + uy * uy + uz * uz)
+                limit = -friction * along
+                held = np.float32(1.0) if slip <= limit else limit / slip
+                vx -= along * nx + held * ux
+                vy -= along * ny + held * uy
+                vz -= along * nz + held * uz
+                v[p, 0] = vx
+                v[p, 1] = vy
+                v[p, 2] = vz
+        speed = vx * vx + vy * vy + vz * vz
+        total += speed
+        fastest = max(fastest, speed)
+    motion[0] = total
+    motion[1] = fastest

@@ -1,0 +1,224 @@
+"""All sub-steps of an `xpbd` step in one compiled loop."""
+
+import numpy as np
+
+from garment_sim_ros.geometry.contact import collide_particles
+from garment_sim_ros.geometry.contact_shapes import pose_shapes
+from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.geometry.transforms import interpolate_poses
+from garment_sim_ros.sim.kernels.bending import bend
+from garment_sim_ros.sim.kernels.edges import solve_edges, solve_edges_again
+from garment_sim_ros.sim.kernels.motion import carry_pins
+from garment_sim_ros.sim.kernels.planes import remember_planes, stop_at_contacts, touch_planes
+
+
+@kernel()
+def same_poses(position_a, orientation_a, position_b, orientation_b):
+    """Whether two sets of poses are equal, number for number."""
+    for i in range(position_a.shape[0]):
+        for k in range(3):
+            if position_a[i, k] != position_b[i, k]:
+                return False
+        for k in range(4):
+            if orientation_a[i, k] != orientation_b[i, k]:
+                return False
+    return True
+
+
+@kernel()
+def fall(x, v, x_start, x_predicted, push, keep, dt):
+    """`kernels.motion.predict` over flat arrays, with `push` for every coordinate, shape [3 n]."""
+    for i in range(v.size):
+        x_start[i] = x[i]
+        v[i] = keep * v[i] + push[i]
+        x[i] += dt * v[i]
+        x_predicted[i] = x[i]
+
+
+@kernel()
+def share_out(bent, v, pull, share, push):
+    """Velocity that outer forces and bending add in each sub-step; flat arrays [3 n], pull [3]."""
+    for p in range(v.size // 3):
+        for k in range(3):
+            i = 3 * p + k
+            push[i] = pull[k] + (bent[i] - v[i]) * share
+
+
+@kernel()
+def gain(x, v, x_predicted, rate):
+    """Adds to velocities what constraints moved, over the sub-step; flat arrays [3 n]."""
+    for i in range(v.size):
+        v[i] += (x[i] - x_predicted[i]) * rate
+
+
+@kernel()
+def run_sub_steps(
+    x,
+    v,
+    free,
+    x_start,
+    x_predicted,
+    cloth,
+    pin_collider,
+    pin_position,
+    shapes,
+    start,
+    end,
+    between,
+    x_end,
+    origin,
+    posed,
+    sides,
+    contacts,
+    place,
+    ride,
+    thickness,
+    friction,
+    pull,
+    push,
+    keep,
+    dt,
+    count,
+    iterations,
+    bending_every,
+    motion,
+):
+    """Advances one garment by `count` sub-steps; see `solvers.xpbd.step`.
+
+    Args:
+        x: Positions, changed in place [m], shape [n, 3].
+        v: Velocities, changed in place [m/s], shape [n, 3].
+        free: Number of free particles, the first ones.
+        x_start: Scratch, shape [n, 3].
+        x_predicted: Scratch, shape [n, 3].
+        cloth: `solvers.xpbd.Prepared` edges and hinges.
+        pin_collider: Collider that each pin rides on, shape [p].
+        pin_position: Its place in that collider's frame [m], shape [p, 3].
+        shapes: Packed shapes.
+        start: Positions and orientations of all colliders at the start.
+        end: The same at the end.
+        between: Scratch, two such pairs and a [3, 3, 3] array; the second pair is still that of
+            the end of the last step.
+        x_end: Positions at the end of the last step, changed in place [m], shape [n, 3].
+        origin: World position of the local origin [m], shape [3].
+        posed: Scratch: shapes posed for a sub-step.
+        sides: Which shapes are on the outer side of which particle.
+        contacts: Contacts of the last search.
+        place: Scratch: points of tangent planes [m], shape [free, 3].
+        ride: Scratch: their motion in a sub-step [m], shape [free, 3].
+        thickness: Distance to keep from surfaces [m].
+        friction: Coulomb coefficient.
+        pull: Velocity that outer forces add in a sub-step [m/s], shape [3].
+        push: Scratch: the same with bending, for every coordinate [m/s], shape [3 free].
+        keep: Part of velocity kept in a sub-step.
+        dt: Sub-step [s].
+        count: Number of sub-steps.
+        iterations: Passes over the edges in each.
+        bending_every: Sub-steps for each pass over the hinges and each search for contacts.
+        motion: Output, sum and maximum of squared speeds [m^2/s^2], shape [2].
+
+    Returns:
+        Number of particles in contact in the last sub-step.
+    """
+    from_position, from_orientation, to_position, to_orientation, scratch = between
+    flat = x.reshape(-1)
+    loose = 3 * free
+    touching = 0
+    still = same_poses(start[0], start[1], end[0], end[1])
+    if still:
+        pose_shapes(shapes, end[0], end[1], end[0], end[1], origin, scratch, posed)
+    # Where nothing was moved since the last step, its contacts are still those of the start.
+    known = np.array_equal(x, x_end) and same_poses(
+        start[0], start[1], to_position, to_orientation
+    )
+    to_position[:] = start[0]
+    to_orientation[:] = start[1]
+    for s in range(count):
+        if not still:  # Planes need no poses, pins do.
+            from_position[:] = to_position
+            from_orientation[:] = to_orientation
+            interpolate_poses(
+                start[0], start[1], end[0], end[1], (s + 1) / count, to_position, to_orientation
+            )
+            if (s + 1) % bending_every == 0 or (s == 0 and not known):
+                pose_shapes(
+                    shapes,
+                    from_position,
+                    from_orientation,
+                    to_position,
+                    to_orientation,
+                    origin,
+                    scratch,
+                    posed,
+                )
+        if s % bending_every == 0:
+            # Bending acts evenly over the sub-steps until its next pass: in one kick it would make
+            # the cloth quiver against its edges.
+            x_predicted[:] = v
+            bend(
+                x, x_predicted, cloth.hinge_particles, cloth.hinges, dt * np.float32(bending_every)
+            )
+            share_out(
+                x_predicted.reshape(-1)[:loose],
+                v.reshape(-1)[:loose],
+                pull,
+                np.float32(1.0 / bending_every),
+                push,
+            )
+        fall(
+            flat[:loose],
+            v.reshape(-1)[:loose],
+            x_start.reshape(-1)[:loose],
+            x_predicted.reshape(-1)[:loose],
+            push,
+            keep,
+            dt,
+        )
+        carry_pins(
+            x[free:], v[free:], pin_collider, pin_position, to_position, to_orientation, origin, dt
+        )
+        if iterations == 1:
+            solve_edges(flat, cloth.edge_particles, cloth.edges)
+        else:
+            cloth.pull[:] = np.float32(0.0)
+            for _ in range(iterations):
+                solve_edges_again(flat, cloth.edge_particles, cloth.edges, cloth.pull)
+        gain(
+            flat[:loose],
+            v.reshape(-1)[:loose],
+            x_predicted.reshape(-1)[:loose],
+            np.float32(1.0) / dt,
+        )
+        if (s + 1) % bending_every != 0 and (s > 0 or known):
+            touch_planes(
+                x[:free],
+                v[:free],
+                x_start[:free],
+                contacts.shape,
+                contacts.normal,
+                place,
+                ride,
+                friction,
+                dt,
+            )
+            continue
+        x_predicted[:free] = x[:free]
+        touching = collide_particles(
+            shapes, posed, sides, x[:free], x_start[:free], thickness, friction, contacts
+        )
+        stop_at_contacts(
+            x[:free],
+            v[:free],
+            x_start[:free],
+            x_predicted[:free],
+            contacts.shape,
+            contacts.normal,
+            contacts.depth,
+            posed.carry,
+            friction,
+            dt,
+            motion,
+        )
+        remember_planes(x[:free], x_start[:free], contacts.shape, posed.carry, place, ride)
+    x_end[:] = x
+    return touching

@@ -1,0 +1,133 @@
+"""How garments follow the body: names of frames, pins, and placing on a pose."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.geometry.transforms import invert_transform, transform_from
+from garment_sim_ros.params import Material
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+
+class GarmentLike(Protocol):
+    """What the simulation reads of a garment, as in `garment.garment.Garment`."""
+
+    @property
+    def name(self) -> str:
+        """Unique name."""
+
+    @property
+    def vertices(self) -> FloatArray:
+        """Rest positions in file order [m], shape [v, 3]."""
+
+    @property
+    def triangles(self) -> IntArray:
+        """Vertex indices, shape [t, 3]."""
+
+    @property
+    def material(self) -> Material:
+        """Its fabric."""
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Bones or colliders that it rides on, length b."""
+
+    @property
+    def T_world_frame_rest(self) -> FloatArray:  # noqa: N802
+        """Rest transforms of those frames, shape [b, 4, 4]."""
+
+    @property
+    def frame_index(self) -> IntArray:
+        """Frames that each vertex follows when placed, shape [v, k]."""
+
+    @property
+    def frame_weight(self) -> FloatArray:
+        """Weights of those frames, rows sum to 1, shape [v, k]."""
+
+    @property
+    def pins(self) -> IntArray:
+        """Vertices with zero inverse mass, shape [p]."""
+
+    @property
+    def pin_frame(self) -> IntArray:
+        """The frame that each pin rides on, shape [p]."""
+
+    @property
+    def passed_by(self) -> tuple[str, ...]:
+        """Bones whose colliders only brush it from outside."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frames:
+    """The frames that a garment rides on, found among a set's colliders.
+
+    Attributes:
+        collider: The collider that carries each frame, shape [b].
+        T_collider_frame: Each frame in that collider's own frame, shape [b, 4, 4].
+    """
+
+    collider: IntArray
+    T_collider_frame: FloatArray
+
+    def world(self, poses: ColliderPoses) -> FloatArray:
+        """World transforms of the frames, shape [b, 4, 4]."""
+        T = transform_from(poses.position[self.collider], poses.orientation[self.collider])
+        return T @ self.T_collider_frame
+
+
+def find_frames(garment: str, names: tuple[str, ...], colliders: ColliderSet) -> Frames:
+    """Finds each name: a bone (by its `frame` collider, else any collider on it) or a collider.
+
+    Raises:
+        GeometryError: Names that are neither, all of them listed.
+    """
+    by_name = {c.name: i for i, c in enumerate(colliders.colliders)}
+    by_bone: dict[str, int] = {}
+    for i, c in enumerate(colliders.colliders):
+        if c.bone not in by_bone or (
+            c.kind == "frame" and colliders.colliders[by_bone[c.bone]].kind != "frame"
+        ):
+            by_bone[c.bone] = i
+    missing = [n for n in names if n not in by_bone and n not in by_name]
+    if missing:
+        raise GeometryError(
+            f"garment {garment!r} rides on {', '.join(map(repr, missing))}, which the collider "
+            f"set does not have; bones: {', '.join(by_bone)}; colliders: {', '.join(by_name)}"
+        )
+    index = [by_bone.get(n, by_name.get(n, -1)) for n in names]
+    T = np.tile(np.eye(4), (len(names), 1, 1))
+    for k, name in enumerate(names):
+        if name in by_bone:
+            c = colliders.colliders[index[k]]
+            T[k] = invert_transform(transform_from(c.position, c.orientation))
+    return Frames(collider=np.array(index, dtype=np.int32), T_collider_frame=T)
+
+
+def pin_positions(garment: GarmentLike, frames: Frames) -> FloatArray:
+    """Positions of pinned vertices in the frames of the colliders they ride on [m], [p, 3]."""
+    to_frame = invert_transform(garment.T_world_frame_rest)
+    T = (frames.T_collider_frame @ to_frame)[garment.pin_frame]
+    x = np.asarray(garment.vertices, dtype=np.float64)[garment.pins]
+    return np.einsum("pij,pj->pi", T[:, :3, :3], x) + T[:, :3, 3]
+
+
+def blend(garment: GarmentLike, T_world_frame: FloatArray) -> FloatArray:
+    """Rest vertices carried by their frames like skin, blended linearly.
+
+    Args:
+        garment: The garment.
+        T_world_frame: Current transforms of its frames, shape [b, 4, 4].
+
+    Returns:
+        World positions [m], shape [v, 3].
+    """
+    T = (T_world_frame @ invert_transform(garment.T_world_frame_rest))[garment.frame_index]
+    x = np.asarray(garment.vertices, dtype=np.float64)
+    carried = np.einsum("vkij,vj->vki", T[..., :3, :3], x) + T[..., :3, 3]
+    return np.einsum("vk,vki->vi", garment.frame_weight, carried)

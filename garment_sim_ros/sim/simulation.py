@@ -1,0 +1,351 @@
+"""Garments on one moving body."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.errors import GeometryError, MessageError, ParameterError
+from garment_sim_ros.geometry.contact import Sides
+from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
+from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.geometry.topology import vertex_normals
+from garment_sim_ros.geometry.transforms import interpolate_poses
+from garment_sim_ros.params import Environment, RelaxationSettings, XpbdSettings
+from garment_sim_ros.sim.health import Health
+from garment_sim_ros.sim.kernels.motion import carry_pins, shift, to_file_order
+from garment_sim_ros.sim.model import ClothModel, Parameters, build_model
+from garment_sim_ros.sim.placement import Frames, GarmentLike, blend, find_frames, pin_positions
+from garment_sim_ros.sim.settle import settle
+from garment_sim_ros.sim.sides import shape_sides
+from garment_sim_ros.sim.solvers import SOLVERS
+from garment_sim_ros.sim.state import ColliderState, State, Workspace
+
+FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
+IntArray = NDArray[np.int32]
+
+_FARTHEST_ORIGIN = 1.0
+"""The local origin follows when the body is farther away than this [m]."""
+_WORLD_SIZE = 1e6
+"""Largest coordinate of a collider that is believed [m]."""
+
+
+@dataclass(kw_only=True)
+class _Worn:
+    """One garment with all that belongs to it."""
+
+    garment: GarmentLike
+    frames: Frames
+    model: ClothModel
+    state: State
+    good: State
+    workspace: Workspace
+    health: Health
+    x_world: SingleArray
+    normal: SingleArray
+
+
+class Simulation:
+    """Garments on one body, advanced by fixed steps.
+
+    Garments collide with the body, not with each other. Positions are kept relative to a local
+    origin that follows the body, see `state`.
+
+    Args:
+        garments: `garment.Garment` objects or alike, with different names.
+        colliders: The body's colliders; `reset` and `advance` take one pose for each.
+        environment: Outer forces.
+        settings: Numerical parameters of the solver; its defaults where None.
+        solver: Name in `SOLVERS`.
+        solver_step: Longest step that the solver takes at once [s].
+
+    Raises:
+        GeometryError: A garment or collider that cannot be simulated, or a frame that is missing.
+        ParameterError: An unknown solver or a step that is not positive.
+    """
+
+    def __init__(
+        self,
+        garments: Sequence[GarmentLike],
+        colliders: ColliderSet,
+        *,
+        environment: Environment | None = None,
+        settings: RelaxationSettings | XpbdSettings | None = None,
+        solver: str = "relaxation",
+        solver_step: float = 1 / 180,
+    ) -> None:
+        if solver not in SOLVERS:
+            raise ParameterError("solver", f"found {solver!r}", f"allowed: {', '.join(SOLVERS)}")
+        if not (math.isfinite(solver_step) and solver_step > 0.0):
+            raise ParameterError("solver_step", f"found {solver_step!r}", "allowed: above 0 s")
+        names = [g.name for g in garments]
+        if len(set(names)) != len(names):
+            raise GeometryError(f"garment names must be unique; found {', '.join(names)}")
+        self.collider_set = colliders
+        self.solver_step = solver_step
+        self.parameters = Parameters(
+            environment=environment or Environment(),
+            settings=settings or SOLVERS[solver].settings(),
+        )
+        self._solver = SOLVERS[solver]
+        shapes = pack(colliders)
+        self._colliders = ColliderState(
+            shapes=shapes,
+            start=ColliderPoses.identity(len(colliders)),
+            end=ColliderPoses.identity(len(colliders)),
+            thickness=colliders.thickness,
+            origin=np.zeros(3),
+            posed=PosedShapes.room_for(shapes),
+        )
+        self._origin_shift = np.zeros(3, np.float32)
+        self._worn = {g.name: self._wear(g) for g in garments}
+
+    def _wear(self, garment: GarmentLike) -> _Worn:
+        frames = find_frames(garment.name, garment.frames, self.collider_set)
+        pin_frame = np.asarray(garment.pin_frame, dtype=np.int32)
+        model = build_model(
+            garment.name,
+            garment.vertices,
+            garment.triangles,
+            garment.material,
+            pins=garment.pins,
+            pin_collider=frames.collider[pin_frame],
+            pin_position=pin_positions(garment, frames),
+        )
+        state = State.at(model, garment.vertices, self._colliders.origin)
+        workspace = self._solver.workspace(model, len(self._colliders.shapes.kind))
+        row, side = shape_sides(garment, self.collider_set, self._colliders.shapes)
+        workspace.sides = Sides.of(row[model.vertex[: model.free_count]], side)
+        return _Worn(
+            garment=garment,
+            frames=frames,
+            model=model,
+            state=state,
+            good=state.copy(),
+            workspace=workspace,
+            health=Health(),
+            x_world=np.zeros((len(model), 3), np.float32),
+            normal=np.zeros((len(model), 3), np.float32),
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the garments."""
+        return tuple(self._worn)
+
+    def model(self, name: str) -> ClothModel:
+        """Particles and springs of a garment."""
+        return self._worn[name].model
+
+    def state(self, name: str) -> State:
+        """Motion of a garment, in the order of its model and relative to `origin`."""
+        return self._worn[name].state
+
+    def health(self, name: str) -> Health:
+        """Counts and readings of a garment."""
+        return self._worn[name].health
+
+    @property
+    def origin(self) -> FloatArray:
+        """World position that the states' positions are relative to [m], shape [3]."""
+        return self._colliders.origin
+
+    def positions(self, name: str, out: SingleArray | None = None) -> SingleArray:
+        """World positions of a garment's vertices in file order [m], shape [v, 3].
+
+        Without `out`, an array that the next call for this garment overwrites.
+        """
+        worn = self._worn[name]
+        out = worn.x_world if out is None else out
+        to_file_order(worn.state.x, worn.model.vertex, self._colliders.origin, out)
+        return out
+
+    def normals(self, name: str, out: SingleArray | None = None) -> SingleArray:
+        """Unit normals of a garment's vertices in file order, shape [v, 3].
+
+        Without `out`, an array that the next call for this garment overwrites.
+        """
+        worn = self._worn[name]
+        out = worn.normal if out is None else out
+        vertex_normals(self.positions(name), worn.model.triangles, out)
+        return out
+
+    def reset(self, poses: ColliderPoses) -> None:
+        """Places every garment on a pose and lets it settle there, without a kick afterwards.
+
+        Args:
+            poses: World poses of the colliders.
+
+        Raises:
+            MessageError: Poses that are not usable; nothing changes.
+        """
+        self._check(poses)
+        colliders = self._colliders
+        colliders.origin[:] = poses.position.mean(axis=0) if len(poses.position) else 0.0
+        self._interpolate(poses, poses, 0.0, 1.0)
+        for worn in self._worn.values():
+            x_world = blend(worn.garment, worn.frames.world(poses))
+            worn.state.assign(State.at(worn.model, x_world, colliders.origin))
+            self._place_pins(worn)
+            worn.good.assign(worn.state)
+            worn.health.settling_steps = settle(
+                self._solver.step,
+                worn.model,
+                colliders,
+                self.parameters,
+                worn.state,
+                worn.workspace,
+                self.solver_step,
+            )
+            self._watch(worn)
+
+    def carry(self, poses_start: ColliderPoses, poses_end: ColliderPoses) -> None:
+        """Takes all garments along on a way of the body that is not simulated.
+
+        Every vertex moves as far as skin there would, so that folds stay as they are; velocities
+        do too.
+
+        Args:
+            poses_start: World poses of the colliders where the garments are now.
+            poses_end: World poses where they shall be.
+
+        Raises:
+            MessageError: Poses that are not usable; nothing changes.
+        """
+        self._check(poses_start)
+        self._check(poses_end)
+        self._follow(poses_start)
+        for worn in self._worn.values():
+            start, end = (
+                blend(worn.garment, worn.frames.world(p)) for p in (poses_start, poses_end)
+            )
+            worn.state.x += (end - start)[worn.model.vertex].astype(np.float32)
+        self._follow(poses_end)
+        for worn in self._worn.values():
+            worn.good.assign(worn.state)
+
+    def advance(
+        self, poses_start: ColliderPoses, poses_end: ColliderPoses, dt: float | None = None
+    ) -> None:
+        """Advances all garments while the colliders move from one set of poses to another.
+
+        The time is divided into equal steps of at most `solver_step`; poses are interpolated at
+        each.
+
+        Args:
+            poses_start: World poses of the colliders at the start.
+            poses_end: World poses at the end.
+            dt: Time between them [s]; one `solver_step` where None.
+
+        Raises:
+            MessageError: Poses or a time that are not usable; nothing changes.
+        """
+        self._check(poses_start)
+        self._check(poses_end)
+        dt = self.solver_step if dt is None else dt
+        if not (math.isfinite(dt) and dt > 0.0):
+            raise MessageError("step_not_positive", f"found {dt!r} s; above 0 s is allowed")
+        steps = max(1, math.ceil(dt / self.solver_step - 1e-6))
+        self._follow(poses_start)
+        for n in range(steps):
+            self._interpolate(poses_start, poses_end, n / steps, (n + 1) / steps)
+            for worn in self._worn.values():
+                self._solver.step(
+                    worn.model,
+                    self._colliders,
+                    self.parameters,
+                    worn.state,
+                    worn.workspace,
+                    dt / steps,
+                )
+                worn.health.steps += 1
+        for worn in self._worn.values():
+            self._watch(worn)
+
+    def _check(self, poses: ColliderPoses) -> None:
+        n = len(self.collider_set)
+        if poses.position.shape != (n, 3) or poses.orientation.shape != (n, 4):
+            raise MessageError(
+                "pose_count",
+                f"found positions of shape {poses.position.shape} and orientations of shape "
+                f"{poses.orientation.shape}; the collider set has {n} colliders",
+            )
+        if not (np.isfinite(poses.position).all() and np.isfinite(poses.orientation).all()):
+            raise MessageError("poses_not_finite", "found NaN or infinity in collider poses")
+        if n and np.abs(poses.position).max() > _WORLD_SIZE:
+            raise MessageError(
+                "pose_too_far",
+                f"found a coordinate of {np.abs(poses.position).max():.4g} m; up to "
+                f"{_WORLD_SIZE:g} m is allowed",
+            )
+        norm = np.linalg.norm(poses.orientation, axis=1)
+        if n and (np.abs(norm - 1.0) > 1e-3).any():
+            worst = int(np.argmax(np.abs(norm - 1.0)))
+            raise MessageError(
+                "orientation_not_unit",
+                f"collider {self.collider_set.colliders[worst].name!r} has an orientation of "
+                f"length {norm[worst]:.4g}; 1 is allowed",
+            )
+
+    def _follow(self, poses: ColliderPoses) -> None:
+        """Moves the local origin after the body."""
+        if not len(poses.position):
+            return
+        origin = self._colliders.origin
+        away = poses.position.mean(axis=0) - origin
+        if np.abs(away).max() < _FARTHEST_ORIGIN:
+            return
+        # Whole multiples of 1/4 m: subtracting them hardly rounds a float32 coordinate.
+        away = np.round(away * 4.0) / 4.0
+        origin += away
+        self._origin_shift[:] = -away
+        for worn in self._worn.values():
+            shift(worn.state.x, self._origin_shift)
+            shift(worn.good.x, self._origin_shift)
+
+    def _interpolate(self, start: ColliderPoses, end: ColliderPoses, s0: float, s1: float) -> None:
+        """Poses colliders for a step that takes place between s0 and s1 of the way."""
+        c = self._colliders
+        for s, pose_at in ((s0, c.start), (s1, c.end)):
+            interpolate_poses(
+                start.position,
+                start.orientation,
+                end.position,
+                end.orientation,
+                s,
+                pose_at.position,
+                pose_at.orientation,
+            )
+        pose(c.shapes, c.start, c.end, c.origin, c.posed)
+
+    def _place_pins(self, worn: _Worn) -> None:
+        """Puts pinned particles where their colliders are, at rest."""
+        free, c = worn.model.free_count, self._colliders
+        carry_pins(
+            worn.state.x[free:],
+            worn.state.v[free:],
+            worn.model.pin_collider,
+            worn.model.pin_position,
+            c.end.position,
+            c.end.orientation,
+            c.origin,
+            np.float32(1.0),
+        )
+        worn.state.v[free:] = 0.0
+
+    def _watch(self, worn: _Worn) -> None:
+        """Keeps a finite state as the last good one; puts back a state that is not finite."""
+        total, fastest = worn.workspace.motion
+        health = worn.health
+        if math.isfinite(total):
+            worn.good.assign(worn.state)
+            health.contacts = worn.workspace.contact_count
+            health.rms_speed = math.sqrt(total / max(worn.model.free_count, 1))
+            health.max_speed = math.sqrt(fastest)
+        else:
+            worn.state.assign(worn.good)
+            worn.state.v[:] = 0.0
+            health.resets += 1

@@ -1,0 +1,35 @@
+"""Solvers: one file each, all with the same `step`."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from garment_sim_ros.params import RelaxationSettings, XpbdSettings
+from garment_sim_ros.sim.model import ClothModel, Parameters
+from garment_sim_ros.sim.solvers import relaxation, xpbd
+from garment_sim_ros.sim.state import ColliderState, State, Workspace
+
+Step = Callable[[ClothModel, ColliderState, Parameters, State, Workspace, float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solver:
+    """One way to advance a garment.
+
+    Attributes:
+        step: ``step(model, collider_state, params, state, workspace, dt)``.
+        workspace: Makes the scratch arrays that its step needs for a model and a number of shapes.
+        settings: Its group of numerical parameters.
+    """
+
+    step: Step
+    workspace: Callable[[ClothModel, int], Workspace]
+    settings: type
+
+
+SOLVERS: Mapping[str, Solver] = {
+    "relaxation": Solver(
+        step=relaxation.step, workspace=Workspace.room_for, settings=RelaxationSettings
+    ),
+    "xpbd": Solver(step=xpbd.step, workspace=xpbd.XpbdWorkspace.room_for, settings=XpbdSettings),
+}
+"""Solvers by name."""

@@ -1,0 +1,215 @@
+"""Extended position-based dynamics with small sub-steps.
+
+Macklin, Mueller & Chentanez 2016, "XPBD", with the sub-steps of Macklin et al. 2019, "Small steps
+in physics simulation": multipliers start from zero in every sub-step, and one pass over the
+constraints is usually enough. Stiffnesses are physical: at convergence neither the sub-step nor
+the number of passes changes the shape that cloth hangs in.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.params import XpbdSettings
+from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
+from garment_sim_ros.sim.kernels.bending import prepare_hinges
+from garment_sim_ros.sim.kernels.edges import prepare_edges
+from garment_sim_ros.sim.kernels.sub_steps import run_sub_steps
+from garment_sim_ros.sim.model import ClothModel, Parameters
+from garment_sim_ros.sim.solvers.sweep_order import inward_order
+from garment_sim_ros.sim.state import ColliderState, State, Workspace
+
+FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
+IntArray = NDArray[np.int32]
+IndexArray = NDArray[np.uint32]
+
+
+class Prepared(NamedTuple):
+    """Edges and hinges as a sub-step needs them.
+
+    Attributes:
+        edge_particles: Ends of the edges, flat, in the order of a pass, shape [2 m].
+        edges: See `kernels.edges.prepare_edges`, shape [m, 4].
+        pull: Scratch of several passes, shape [m].
+        hinge_particles: Particles of the hinges, shape [h, 4].
+        hinges: See `kernels.bending.prepare_hinges`, shape [h, 8].
+    """
+
+    edge_particles: IndexArray
+    edges: SingleArray
+    pull: SingleArray
+    hinge_particles: IntArray
+    hinges: SingleArray
+
+
+@dataclass(kw_only=True)
+class XpbdWorkspace(Workspace):
+    """Scratch arrays, and what the material makes of the mesh.
+
+    Attributes:
+        rest_squared: Squared rest lengths of the edges [m^2], shape [m].
+        stiffness: Their stiffnesses [N/m], shape [m].
+        hinge_weight: Weights of the hinges' curvature, shape [h, 4].
+        hinge_stiffness: Their stiffnesses [N/m], shape [h].
+        prepared: What the sub-steps need, for one length of them.
+        prepared_for: That length [s], the rate of damping [1/s] and the sub-steps for each pass
+            over the hinges.
+        place: Points of the planes in which particles touch shapes [m], shape [free, 3].
+        ride: How far those move in a sub-step [m], shape [free, 3].
+        x_end: Positions at the end of the last step [m], shape [n, 3].
+        push_all: Velocity that outer forces and bending add in a sub-step [m/s], shape [3 free].
+        between: Poses at the start and end of one sub-step; None until colliders are known.
+    """
+
+    rest_squared: FloatArray
+    stiffness: FloatArray
+    hinge_weight: FloatArray
+    hinge_stiffness: FloatArray
+    prepared: Prepared
+    prepared_for: tuple[float, float, int]
+    place: SingleArray
+    ride: SingleArray
+    x_end: SingleArray
+    push_all: SingleArray
+    between: tuple[Any, ...] | None
+
+    @classmethod
+    def room_for(cls, model: ClothModel, shapes: int) -> "XpbdWorkspace":
+        """Arrays for a garment and a number of collider shapes."""
+        particle = np.empty(len(model), np.int32)
+        particle[model.vertex] = np.arange(len(model), dtype=np.int32)
+        triangles = particle[model.triangles]
+        springs = model.springs
+        edges = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
+        edges = edges[inward_order(edges, triangles, model.free_count)]
+        rest, weight = model.rest, model.inverse_mass
+        bending = hinges(rest, triangles, model.material)
+        used = (weight[bending.particles].sum(axis=1) > 0.0) & (bending.stiffness > 0.0)
+        m, h = len(edges), int(used.sum())
+        return cls(
+            **vars(Workspace.room_for(model, shapes)),
+            rest_squared=((rest[edges[:, 0]] - rest[edges[:, 1]]) ** 2).sum(axis=1),
+            stiffness=edge_stiffness(rest, triangles, edges, model.material),
+            hinge_weight=np.ascontiguousarray(bending.weight[used]),
+            hinge_stiffness=np.ascontiguousarray(bending.stiffness[used]),
+            prepared=Prepared(
+                edge_particles=np.ascontiguousarray(edges.ravel(), np.uint32),
+                edges=np.zeros((m, 4), np.float32),
+                pull=np.zeros(m, np.float32),
+                hinge_particles=np.ascontiguousarray(bending.particles[used]),
+                hinges=np.zeros((h, 8), np.float32),
+            ),
+            prepared_for=(0.0, 0.0, 0),
+            place=np.zeros((model.free_count, 3), np.float32),
+            ride=np.zeros((model.free_count, 3), np.float32),
+            x_end=np.full((len(model), 3), np.nan, np.float32),
+            push_all=np.zeros(3 * model.free_count, np.float32),
+            between=None,
+        )
+
+    def prepare(self, model: ClothModel, dt: float, rate: float, bending_every: int) -> None:
+        """Fills `prepared` for sub-steps of dt [s] and a rate of damping [1/s], unless it is."""
+        if self.prepared_for == (dt, rate, bending_every):
+            return
+        ready = self.prepared
+        prepare_edges(
+            ready.edge_particles,
+            self.stiffness,
+            model.inverse_mass,
+            self.rest_squared,
+            1.0 / (1.0 + dt * rate),
+            dt,
+            ready.edges,
+        )
+        prepare_hinges(
+            ready.hinge_particles,
+            self.hinge_weight,
+            self.hinge_stiffness,
+            model.inverse_mass,
+            1.0 / (1.0 + dt * bending_every * rate),
+            dt * bending_every,
+            ready.hinges,
+        )
+        self.prepared_for = (dt, rate, bending_every)
+
+
+def step(
+    model: ClothModel,
+    colliders: ColliderState,
+    params: Parameters,
+    state: State,
+    workspace: Workspace,
+    dt: float,
+) -> None:
+    """Advances one garment by one step, in equal sub-steps.
+
+    Each sub-step: outer forces and a prediction, pins, the edges, collision as an absolute
+    constraint with friction, velocities. Bending and the search for contacts come every so often,
+    see `XpbdSettings.bending_every`; in between, contact is with tangent planes. Does not allocate
+    arrays after the first step.
+
+    Args:
+        model: The garment.
+        colliders: Colliders at the start and end of the step.
+        params: Outer forces and `XpbdSettings`.
+        state: Its motion, changed in place.
+        workspace: Its `XpbdWorkspace`.
+        dt: Step [s].
+    """
+    assert isinstance(workspace, XpbdWorkspace)
+    settings = params.settings
+    assert isinstance(settings, XpbdSettings)
+    count = max(1, math.ceil(dt / settings.sub_step - 1e-6))
+    passes = math.ceil(count / settings.bending_every)
+    bending_every = math.ceil(count / passes)
+    count = passes * bending_every
+    h = dt / count
+    material, environment = model.material, params.environment
+    drag = material.air_drag / material.areal_density
+    rate = material.damping + drag
+    workspace.prepare(model, h, rate, bending_every)
+    if workspace.between is None:
+        a, b = colliders.start.copy(), ColliderPoses.identity(len(colliders.start.position))
+        scratch = np.zeros((3, 3, 3))
+        workspace.between = (a.position, a.orientation, b.position, b.orientation, scratch)
+
+    keep = 1.0 / (1.0 + h * rate)
+    for k in range(3):
+        pull = environment.gravity[k] + drag * environment.wind[k]
+        workspace.push[k] = keep * h * pull
+    workspace.contact_count = run_sub_steps(
+        state.x,
+        state.v,
+        model.free_count,
+        workspace.x_start,
+        workspace.x_predicted,
+        workspace.prepared,
+        model.pin_collider,
+        model.pin_position,
+        colliders.shapes,
+        (colliders.start.position, colliders.start.orientation),
+        (colliders.end.position, colliders.end.orientation),
+        workspace.between,
+        workspace.x_end,
+        colliders.origin,
+        colliders.posed,
+        workspace.sides,
+        workspace.contacts,
+        workspace.place,
+        workspace.ride,
+        np.float32(max(material.thickness, colliders.thickness)),
+        np.float32(material.friction),
+        workspace.push,
+        workspace.push_all,
+        np.float32(keep),
+        np.float32(h),
+        count,
+        settings.iterations,
+        bending_every,
+        workspace.motion,
+    )

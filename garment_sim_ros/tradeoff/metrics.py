@@ -1,0 +1,132 @@
+"""How good a dressed body looks, measured against its posed skin.
+
+Penetration and gap are signed distances to the true skin, not to the colliders that the cloth
+was simulated against; penetration is taken at particles, edge midpoints and triangle centres,
+since cloth may cut through skin between its particles.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.topology import mesh_topology
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GarmentMesh:
+    """What is measured on one garment.
+
+    Attributes:
+        triangles: Vertex indices, shape [t, 3].
+        edges: Vertex indices, shape [e, 2].
+        rest_length: Lengths of the edges at rest [m], shape [e].
+    """
+
+    triangles: IntArray
+    edges: IntArray
+    rest_length: FloatArray
+
+    @classmethod
+    def from_rest(cls, vertices: FloatArray, triangles: IntArray) -> "GarmentMesh":
+        """From the rest shape, shape [v, 3] and [t, 3]."""
+        edges = mesh_topology(triangles).edges
+        return cls(triangles=triangles, edges=edges, rest_length=_lengths(vertices, edges))
+
+    def samples(self, x: FloatArray) -> FloatArray:
+        """Particles, edge midpoints and triangle centres [m], shape [v + e + t, 3]."""
+        return np.concatenate([x, x[self.edges].mean(axis=1), x[self.triangles].mean(axis=1)])
+
+    def strain(self, x: FloatArray) -> FloatArray:
+        """Extension of the edges, as a fraction of their rest length, shape [e]."""
+        return _lengths(x, self.edges) / self.rest_length - 1.0
+
+
+class ClothMeter:
+    """Collects measures over frames.
+
+    Args:
+        skin_vertices: Skin in any pose [m], shape [v, 3].
+        skin_triangles: Shape [t, 3].
+        garments: By name.
+    """
+
+    def __init__(
+        self,
+        skin_vertices: FloatArray,
+        skin_triangles: IntArray,
+        garments: Mapping[str, GarmentMesh],
+    ) -> None:
+        self._skin = MeshDistance(skin_vertices, skin_triangles)
+        self._garments = garments
+        self._penetration: list[NDArray[np.float32]] = []
+        self._gap: list[NDArray[np.float32]] = []
+        self._strain: list[NDArray[np.float32]] = []
+        self._finite = True
+
+    def add(self, skin: FloatArray, garments: Mapping[str, FloatArray]) -> None:
+        """Measure one frame.
+
+        Args:
+            skin: Posed skin vertices [m], shape [v, 3].
+            garments: Vertices of each garment at the same instant [m].
+        """
+        self._skin.refit(skin)
+        for name, x in garments.items():
+            mesh = self._garments[name]
+            if not np.isfinite(x).all():
+                self._finite = False
+                continue
+            distance = self._skin.signed_distance(mesh.samples(x))[0]
+            self._penetration.append(np.maximum(-distance, 0.0).astype(np.float32))
+            self._gap.append(distance[: len(x)].astype(np.float32))
+            self._strain.append(mesh.strain(x).astype(np.float32))
+
+    def result(self) -> dict[str, float | bool | None]:
+        """Figures over all frames; None where there was nothing to measure."""
+        return {
+            "penetration_mm_p99": _statistic(self._penetration, 99.0, 1e3),
+            "penetration_mm_max": _statistic(self._penetration, 100.0, 1e3),
+            "gap_mm_median": _statistic(self._gap, 50.0, 1e3),
+            "strain_p95": _statistic(self._strain, 95.0, 1.0),
+            "strain_max": _statistic(self._strain, 100.0, 1.0),
+            "finite": self._finite,
+        }
+
+
+def _statistic(parts: Sequence[NDArray[np.float32]], percent: float, scale: float) -> float | None:
+    if not parts:
+        return None
+    return round(scale * float(np.percentile(np.concatenate(parts), percent)), 4)
+
+
+def _lengths(x: FloatArray, edges: IntArray) -> FloatArray:
+    return np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1)
+
+
+def late_frames(times: NDArray[np.floating], period: float) -> int:
+    """Frames that came more than half a period after they were due, or not at all.
+
+    Frames are due once in every period; the phase is the one that most frames keep to.
+
+    Args:
+        times: When each frame came [s], increasing, shape [n].
+        period: Of the frames [s].
+    """
+    if len(times) < 2:
+        return 0
+    phase = times / period * 2.0 * np.pi
+    offset = np.angle(np.exp(1j * phase).mean()) / (2.0 * np.pi)
+    tick = np.round(times / period - offset).astype(np.int64)
+    return int(tick[-1] - tick[0] + 1 - len(np.unique(tick)))
+
+
+def rate(times: NDArray[np.floating]) -> float:
+    """Frames per second from first to last."""
+    span = float(times[-1] - times[0]) if len(times) > 1 else 0.0
+    return (len(times) - 1) / span if span > 0.0 else 0.0

@@ -1,0 +1,114 @@
+"""The three nodes of one avatar, and robot_state_publisher where it is installed.
+
+Example:
+    ros2 launch garment_sim_ros garment_sim.launch.py namespace:=avatar clip:=dance.bvh
+"""
+
+from pathlib import Path
+
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration, OrSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+from launch import LaunchContext, LaunchDescription
+
+CONFIG = Path(__file__).resolve().parents[1] / "config"
+
+ARGUMENTS = {
+    "namespace": ("", "Namespace of the avatar: one each."),
+    "body": ("mannequin", "Body file of the avatar, or 'mannequin'."),
+    "clip": ("walk", "BVH file or rosbag2, or 'walk'."),
+    "outfit": ("", "Outfit file; empty: a T-shirt and a short skirt."),
+    "use_sim_time": ("false", "Follow /clock."),
+    "publish_clock": ("false", "The player is the clock that the other nodes follow."),
+    "robot_state_publisher": ("true", "Start robot_state_publisher where it is installed."),
+}
+
+
+def text(name: str) -> ParameterValue:
+    """A launch argument as text, whatever it looks like."""
+    return ParameterValue(LaunchConfiguration(name), value_type=str)
+
+
+def flag(*names: str) -> ParameterValue:
+    """Whether any of some launch arguments is true."""
+    either = LaunchConfiguration(names[0])
+    for name in names[1:]:
+        either = OrSubstitution(either, LaunchConfiguration(name))
+    return ParameterValue(either, value_type=bool)
+
+
+def node(executable: str, **parameters: ParameterValue) -> Node:
+    """One of this package's nodes, with its file of parameters and what differs from it."""
+    return Node(
+        package="garment_sim_ros",
+        executable=executable,
+        name=executable,
+        namespace=LaunchConfiguration("namespace"),
+        output="screen",
+        parameters=[str(CONFIG / f"{executable}.yaml"), parameters],
+    )
+
+
+def joint_frames(context: LaunchContext) -> list[Node]:
+    """robot_state_publisher with the URDF that the player publishes, where it is installed."""
+    try:
+        get_package_prefix("robot_state_publisher")
+    except PackageNotFoundError:
+        return []
+    from garment_sim_ros.mocap.clips import load_clip
+    from garment_sim_ros.mocap.source_urdf import urdf_from_clip
+
+    urdf = urdf_from_clip(load_clip(LaunchConfiguration("clip").perform(context)))
+    return [
+        Node(
+            package="robot_state_publisher",
+            executable="robot_state_publisher",
+            namespace=LaunchConfiguration("namespace"),
+            parameters=[
+                {
+                    "robot_description": ParameterValue(urdf, value_type=str),
+                    "use_sim_time": flag("use_sim_time", "publish_clock"),
+                }
+            ],
+            # The player has the latched topic.
+            remappings=[("robot_description", "~/robot_description")],
+        )
+    ]
+
+
+def generate_launch_description() -> LaunchDescription:
+    """What `ros2 launch` runs."""
+    return LaunchDescription(
+        [
+            *(
+                DeclareLaunchArgument(name, default_value=default, description=about)
+                for name, (default, about) in ARGUMENTS.items()
+            ),
+            node(
+                "mocap_player",
+                clip=text("clip"),
+                use_sim_time=flag("use_sim_time"),
+                publish_clock=flag("publish_clock"),
+            ),
+            node(
+                "collider_node",
+                body=text("body"),
+                outfit=text("outfit"),
+                use_sim_time=flag("use_sim_time", "publish_clock"),
+            ),
+            node(
+                "cloth_node",
+                body=text("body"),
+                outfit=text("outfit"),
+                use_sim_time=flag("use_sim_time", "publish_clock"),
+            ),
+            OpaqueFunction(
+                function=joint_frames,
+                condition=IfCondition(LaunchConfiguration("robot_state_publisher")),
+            ),
+        ]
+    )

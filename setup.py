@@ -1,0 +1,59 @@
+"""The package for pip (with or without ROS on the machine) and for colcon (ament_python)."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = "garment_sim_ros"
+
+# Lower limits are the versions of Ubuntu 24.04, on which ROS 2 Jazzy runs.
+REQUIRES = [
+    "defusedxml>=0.7",
+    "embreex>=2.17; platform_machine == 'x86_64'",  # no wheels elsewhere; only renders need it
+    "numba>=0.60",
+    "numpy>=1.26",
+    "pillow>=10.2",
+    "pyyaml>=6.0",
+    "rosbags>=0.10",
+    "scipy>=1.11",
+    "tqdm>=4.66",
+    "trimesh>=4.5",
+]
+
+# The real rclpy from the package index, for machines without ROS.
+ROS = [
+    "ros-jazzy-rclpy",
+    "ros-rclpy[fastrtps]==7.1.6",
+    "ros-jazzy-common-interfaces",
+]
+TEST = ["hypothesis>=6.98", "networkx>=2.8", "psutil>=5.9", "pytest>=8"]
+CHECK = ["import-linter~=2.16", "mypy~=2.4.0", "ruff~=0.17.0"]  # their rules change with versions
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="Dresses a moving avatar in real time and publishes the cloth over ROS 2.",
+    maintainer="garment_sim_ros maintainers",
+    maintainer_email="maintainers@example.org",
+    license="Apache-2.0",
+    python_requires=">=3.10",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["**/*.json", "**/*.yaml"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/config", sorted(glob("config/*.*"))),
+        (f"share/{NAME}/launch", sorted(glob("launch/*.py"))),
+    ],
+    zip_safe=False,
+    install_requires=REQUIRES,
+    extras_require={"ros": ROS, "test": TEST, "dev": TEST + CHECK},
+    entry_points={
+        "console_scripts": [
+            "garment-sim = garment_sim_ros.cli.main:main",
+            "mocap_player = garment_sim_ros.ros.mocap_player:main",
+            "collider_node = garment_sim_ros.ros.collider_node:main",
+            "cloth_node = garment_sim_ros.ros.cloth_node:main",
+        ]
+    },
+)

@@ -1,0 +1,79 @@
+"""Fixtures that all tests share."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from garment_sim_ros.garment.garment import Garment
+from garment_sim_ros.geometry.shapes import Collider, ColliderSet
+from garment_sim_ros.params import Material
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def data_file() -> Callable[..., Path]:
+    """Path of a real data file, `data_file("bodies", "x.glb")`; skips the test where absent."""
+    root = Path(os.environ.get("GARMENT_SIM_DATA") or REPOSITORY.parent / "shared" / "data")
+
+    def data_file(*parts: str) -> Path:
+        path = root.joinpath(*parts)
+        if not path.exists():
+            pytest.skip(f"{'/'.join(parts)} is not in {root}; set GARMENT_SIM_DATA")
+        return path
+
+    return data_file
+
+
+class Cloth:
+    """Small pieces of cloth for tests."""
+
+    @staticmethod
+    def grid(rows: int, columns: int, spacing: float = 0.02):
+        """A flat cloth in the x-y plane, centred, its quads split one way.
+
+        Returns:
+            Vertices [m], shape [rows * columns, 3], row by row along x; triangles.
+        """
+        x = (np.arange(rows) - (rows - 1) / 2) * spacing
+        y = (np.arange(columns) - (columns - 1) / 2) * spacing
+        plane = np.meshgrid(x, y, indexing="ij")
+        vertices = np.stack([*plane, np.zeros((rows, columns))], axis=-1).reshape(-1, 3)
+        index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+        a, b = index[:-1, :-1].ravel(), index[1:, :-1].ravel()
+        c, d = index[1:, 1:].ravel(), index[:-1, 1:].ravel()
+        return vertices, np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+
+    @staticmethod
+    def garment(vertices, triangles, pins=(), *, name="cloth", frame="bone", **material):
+        """A garment that rides on one frame, whose rest transform is the identity."""
+        values = {"damping": 0.0, "air_drag": 0.0, "friction": 0.0, **material}
+        count = len(vertices)
+        return Garment(
+            name=name,
+            vertices=np.asarray(vertices, dtype=np.float64),
+            triangles=np.asarray(triangles, dtype=np.int32),
+            material=Material(**values),
+            frames=(frame,),
+            T_world_frame_rest=np.eye(4)[None],
+            frame_index=np.zeros((count, 1), np.int32),
+            frame_weight=np.ones((count, 1)),
+            pins=np.array(pins, dtype=np.int32),
+            pin_frame=np.zeros(len(pins), np.int32),
+        )
+
+    @staticmethod
+    def colliders(*shapes: Collider) -> ColliderSet:
+        """The shapes given, after one frame on the bone called `bone`."""
+        return ColliderSet(
+            colliders=(Collider(name="frame_bone", kind="frame", bone="bone"), *shapes)
+        )
+
+
+@pytest.fixture(scope="session")
+def cloth() -> type[Cloth]:
+    """Builders of small pieces of cloth."""
+    return Cloth

@@ -1,0 +1,118 @@
+"""Every compiled kernel of the solver against its naive float64 twin."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from garment_sim_ros.params import Material
+from garment_sim_ros.sim import naive
+from garment_sim_ros.sim.kernels.motion import (
+    carry_pins,
+    predict,
+    shift,
+    to_file_order,
+    update_velocities,
+)
+from garment_sim_ros.sim.kernels.springs import correct_springs
+from garment_sim_ros.sim.model import build_model
+
+SEEDS = st.integers(0, 10**6)
+
+
+def singles(rng, *shape, scale=1.0):
+    return (rng.normal(size=shape) * scale).astype(np.float32)
+
+
+@given(SEEDS, st.integers(1, 4))
+@settings(derandomize=True, deadline=None, max_examples=15)
+def test_correct_springs(cloth, seed, sweeps):
+    rng = np.random.default_rng(seed)
+    vertices, triangles = cloth.grid(6, 7)
+    vertices += rng.normal(0.0, 0.003, vertices.shape)
+    pins = rng.choice(len(vertices), 3, replace=False)
+    model = build_model(
+        "c",
+        vertices,
+        triangles,
+        Material(),
+        pins=pins,
+        pin_collider=np.zeros(3, int),
+        pin_position=vertices[pins],
+    )
+    x = (vertices[model.vertex] + rng.normal(0.0, 0.005, vertices.shape)).astype(np.float32)
+    springs = model.springs
+    expected = naive.correct_springs(
+        x, springs.particles.reshape(-1, 2), springs.rest_length, model.inverse_mass, sweeps
+    )
+    correct_springs(x.reshape(-1), springs.particles, springs.rest_length, springs.share, sweeps)
+    assert np.abs(x - expected).max() < 1e-6
+
+
+@given(SEEDS, st.floats(1e-4, 0.3), st.floats(0.0, 5.0), st.floats(0.0, 5.0))
+@settings(derandomize=True, deadline=None, max_examples=30)
+def test_predict(seed, dt, damping, drag):
+    rng = np.random.default_rng(seed)
+    x, v = singles(rng, 20, 3), singles(rng, 20, 3, scale=3.0)
+    gravity, wind = rng.normal(size=3) * 10, rng.normal(size=3) * 5
+    expected_x, expected_v = naive.predict(x, v, gravity, damping, drag, wind, dt)
+    before = x.copy()
+    x_start, x_predicted = np.empty_like(x), np.empty_like(x)
+    keep = 1.0 / (1.0 + dt * (damping + drag))
+    push = (keep * dt * (gravity + drag * wind)).astype(np.float32)
+    predict(x, v, x_start, x_predicted, push, np.float32(keep), np.float32(dt))
+    assert v == pytest.approx(expected_v, rel=1e-5, abs=1e-5)
+    assert x == pytest.approx(expected_x, rel=1e-5, abs=1e-5)
+    assert (x_start == before).all()
+    assert (x_predicted == x).all()
+
+
+@given(SEEDS, st.floats(1e-3, 0.1))
+@settings(derandomize=True, deadline=None, max_examples=30)
+def test_update_velocities(seed, dt):
+    rng = np.random.default_rng(seed)
+    n, m = 30, 4
+    x_start, v = singles(rng, n, 3), singles(rng, n, 3)
+    x_predicted = x_start + np.float32(dt) * v
+    x = x_predicted + singles(rng, n, 3, scale=0.01)
+    shape = rng.integers(-1, m, n).astype(np.int32)
+    normal = singles(rng, n, 3)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    carry = singles(rng, m, 3, 4, scale=0.02)
+    expected = naive.update_velocities(
+        x, v, x_start, x_predicted, shape, normal, carry, float(np.float32(dt))
+    )
+    motion = np.zeros(2)
+    update_velocities(x, v, x_start, x_predicted, shape, normal, carry, np.float32(dt), motion)
+    assert v == pytest.approx(expected, rel=1e-4, abs=2e-3)
+    speed = (v.astype(np.float64) ** 2).sum(axis=1)
+    assert motion == pytest.approx([speed.sum(), speed.max()], rel=1e-5)
+
+
+@given(SEEDS)
+@settings(derandomize=True, deadline=None, max_examples=30)
+def test_carry_pins(seed):
+    rng = np.random.default_rng(seed)
+    local, position = rng.normal(size=(6, 3)), rng.normal(size=(3, 3)) * 50
+    orientation = rng.normal(size=(3, 4))
+    orientation /= np.linalg.norm(orientation, axis=1, keepdims=True)
+    collider = rng.integers(0, 3, 6).astype(np.int32)
+    origin = position.mean(axis=0)
+    x = singles(rng, 6, 3)
+    before, v = x.copy(), np.zeros_like(x)
+    carry_pins(x, v, collider, local, position, orientation, origin, np.float32(0.5))
+    expected = naive.carry_pins(local, position[collider], orientation[collider]) - origin
+    assert x == pytest.approx(expected, rel=1e-6, abs=1e-6)
+    assert v == pytest.approx((x - before) / 0.5, rel=1e-6)
+
+
+def test_file_order_and_shift():
+    rng = np.random.default_rng(0)
+    x, vertex = singles(rng, 9, 3), rng.permutation(9).astype(np.int32)
+    origin = np.array([10.0, -20.0, 30.0])
+    world = np.zeros((9, 3), np.float32)
+    to_file_order(x, vertex, origin, world)
+    assert world[vertex] == pytest.approx(x + origin, rel=1e-7)
+    moved = x.copy()
+    shift(moved, np.array([0.25, -0.5, 1.0], np.float32))
+    assert moved == pytest.approx(x + np.array([0.25, -0.5, 1.0]), abs=1e-6)

@@ -1,0 +1,47 @@
+"""Ellipsoids among the shapes that cloth meets."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.contact_ellipsoid import ellipsoid_distance, ellipsoid_size
+from garment_sim_ros.geometry.contact_shapes import pack
+from garment_sim_ros.geometry.shapes import Collider, ColliderSet
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(st.integers(0, 2**32 - 1))
+def test_signed_distance_in_single_precision(seed):
+    """Against the closest of many points of the surface, and its sign against zeta."""
+    rng = np.random.default_rng(seed)
+    radii = rng.uniform(0.03, 0.3, 3)
+    R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    u = rng.normal(size=(20_000, 3))
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    surface = (u * radii) @ R.T
+    for q in rng.normal(size=(5, 3)) * 0.2:
+        values = ellipsoid_distance(
+            *q.astype(np.float32), R.astype(np.float32), *radii.astype(np.float32), np.float32(9.0)
+        )
+        inside = (((R.T @ q) / radii) ** 2).sum() < 1.0
+        truth = np.linalg.norm(surface - q, axis=1).min() * (-1.0 if inside else 1.0)
+        assert values[0] == pytest.approx(truth, abs=4e-3)
+        n = np.array(values[1:])
+        assert np.linalg.norm(n) == pytest.approx(1.0, abs=1e-5)
+        at = R.T @ (q - values[0] * n) / radii
+        assert (at**2).sum() == pytest.approx(1.0, abs=2e-3)
+        # Where it is out of reach it is not worked out.
+        far = ellipsoid_distance(
+            *q.astype(np.float32), R.astype(np.float32), *radii.astype(np.float32), np.float32(0.0)
+        )
+        assert far[0] == values[0] if inside else far[0] > 0.0
+
+
+@pytest.mark.parametrize("radii", [[1.0, 1.0], [1.0, 0.0, 1.0], [1.0, np.nan, 1.0], "abc"])
+def test_bad_radii(radii):
+    bad = Collider(name="e", kind="ellipsoid", bone="b", geometry={"radii": radii})
+    with pytest.raises(GeometryError, match="'e'"):
+        pack(ColliderSet(colliders=(bad,)))
+    assert ellipsoid_size([3.0, 2.0, 1.0]) == (3.0, 2.0, 1.0, 0.0)

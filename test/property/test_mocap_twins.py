@@ -1,0 +1,126 @@
+"""Sampling and retargeting kernels against plain double-precision twins."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation, Slerp
+
+from garment_sim_ros.body.kinematics import ForwardKinematics
+from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.retarget_pass import BLEND, DRIVEN, FOLLOW
+from garment_sim_ros.body.retargeting import Retargeter
+from garment_sim_ros.mocap.channels import ball_joints
+from garment_sim_ros.mocap.clip import Clip
+from garment_sim_ros.mocap.sampling import ClipSampler
+from garment_sim_ros.mocap.walk import walk
+
+WALK = walk(strides=4)
+SAMPLER = ClipSampler(WALK)
+
+
+@settings(max_examples=80, derandomize=True, deadline=None)
+@given(st.floats(0.0, WALK.duration))
+def test_sampled_rotations_are_slerped(t):
+    q = SAMPLER.sample(t)
+    i = min(int(np.searchsorted(WALK.times, t, side="right")) - 1, len(WALK.times) - 2)
+    s = (t - WALK.times[i]) / (WALK.times[i + 1] - WALK.times[i])
+    joints = ball_joints(WALK.rig)
+    for channels in joints.channels:
+        ends = Rotation.from_euler("ZYX", WALK.values[i : i + 2, channels])
+        expected = Slerp([0.0, 1.0], ends)(s)
+        assert (Rotation.from_euler("ZYX", q[channels]).inv() * expected).magnitude() < 1e-5
+    a, b = WALK.values[i, joints.single], WALK.values[i + 1, joints.single]
+    np.testing.assert_allclose(q[joints.single], a + s * (b - a), atol=1e-12)
+
+
+def _twin(retargeter, T_source):
+    """`Retargeter.world_joints` joint by joint, with rotation objects."""
+    r = retargeter
+    n = len(r._parent)
+    turned = [Rotation.identity()] * n
+
+    def rest(values, j):
+        return Rotation.from_quat(values[j])
+
+    for j in range(n):
+        if r._rule[j] == DRIVEN:
+            turned[j] = Rotation.from_matrix(T_source[r._source[j], :3, :3]) * rest(r._offset, j)
+    for j in range(n):
+        above, below = r._above[j], r._below[j]
+        if r._rule[j] == FOLLOW:
+            carrier = r._parent[j] if r._parent[j] >= 0 else r._hips
+            turned[j] = turned[carrier] * rest(r._rest_rotation, j)
+        elif r._rule[j] != DRIVEN:
+            a = turned[above] * rest(r._above_rest, j)
+            b = turned[below] * rest(r._below_rest, j)
+            if r._rule[j] == BLEND:
+                turned[j] = Slerp([0, 1], Rotation.concatenate([a, b]))(r._share[j])
+            else:
+                axis = r._bone_axis[j]
+                x, y, z, w = (a.inv() * b).as_quat()
+                angle = 2.0 * np.arctan2(np.dot([x, y, z], axis), w)
+                angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
+                turned[j] = a * Rotation.from_rotvec(r._share[j] * angle * axis)
+    T = np.tile(np.eye(4), (n, 1, 1))
+    hips = T_source[r._travel_joints, :3, 3].mean(axis=0) * r.scale
+    hips = hips - turned[r._hips].apply(r._middle_in_hips)
+    for j in range(n):
+        p = r._parent[j]
+        carrier, origin = (p, T[p, :3, 3]) if p >= 0 else (r._hips, hips)
+        T[j, :3, 3] = origin + turned[carrier].apply(r._rest_position[j])
+        T[j, :3, :3] = turned[j].as_matrix()
+
+    def height(pose, offset):
+        return (pose[:3, :3] @ offset + pose[:3, 3])[2]
+
+    wanted, weight = [], []
+    for (s, t), offsets, heights in zip(r._contact_joints, r._contact_offset, r._contact_height):
+        z = height(T_source[s], offsets[0]) - heights[0]
+        weight.append(-z / r._reach)
+        wanted.append(r.scale * z + heights[1] - height(T[t], offsets[1]))
+    w = np.exp(np.array(weight) - max(weight))
+    softness = 0.5 * r._reach * r.scale
+    T[:, 2, 3] += softness * np.log((w * np.exp(np.array(wanted) / softness)).sum() / w.sum())
+    return T
+
+
+@pytest.mark.parametrize("body", ["mannequin", "mh_female_young"])
+def test_retargeting_pass(body, data_file):
+    if body != "mannequin":
+        body = data_file("bodies", f"{body}.glb")
+    retargeter = Retargeter(WALK.rig, load_body(body), reference=WALK.source_reference)
+    kinematics = ForwardKinematics(WALK.rig)
+    rng = np.random.default_rng(0)
+    for k in range(6):
+        q = WALK.values[k * 50] + rng.normal(scale=0.3, size=WALK.values.shape[1])
+        T_source = kinematics.from_dofs(q).copy()
+        np.testing.assert_allclose(
+            retargeter.world_joints(q), _twin(retargeter, T_source), atol=1e-9
+        )
+
+
+@settings(max_examples=25, derandomize=True, deadline=None)
+@given(
+    heading=st.floats(-7.0, 7.0),
+    way=st.tuples(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0)),
+    frame=st.integers(0, len(WALK.times) - 1),
+)
+def test_turning_and_moving_the_source_turns_and_moves_the_body(heading, way, frame):
+    body = load_body("mannequin:vertices=1000")
+    G = np.eye(4)
+    G[:3, :3] = Rotation.from_euler("z", heading).as_matrix()
+    G[:2, 3] = way
+    reference = WALK.source_reference
+    plain = Retargeter(WALK.rig, body, reference=reference)
+    moved = Retargeter(WALK.rig, body, T_world_source=G, reference=reference)
+    expected = plain.world_joints(WALK.values[frame]).copy()
+    G[:2, 3] *= plain.scale
+    np.testing.assert_allclose(moved.world_joints(WALK.values[frame]), G @ expected, atol=1e-9)
+
+
+def test_a_clip_is_not_changed_by_sampling():
+    values = WALK.values.copy()
+    ClipSampler(WALK, "carry", fade=1.0).sample(77.7)
+    np.testing.assert_array_equal(values, WALK.values)
+    assert isinstance(WALK, Clip)

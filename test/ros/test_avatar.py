@@ -1,0 +1,55 @@
+"""The three nodes together, in a simulated time that the player makes."""
+
+import signal
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import PointCloud2
+
+from garment_sim_ros.ros.interfaces import CLOCK, COLLIDER_POSES, GARMENT_POINTS
+
+pytestmark = pytest.mark.ros
+
+NAMESPACE = "/avatar_test"
+SECOND = 10**9
+OUTFIT = """
+version: 1
+garments:
+  - {name: skirt, generator: short_skirt, options: {vertices: 500}}
+"""
+
+
+def nanoseconds(stamp):
+    return stamp.sec * SECOND + stamp.nanosec
+
+
+def test_a_walk_in_simulated_time(start_node, make_probe, tmp_path):
+    outfit = tmp_path / "outfit.yaml"
+    outfit.write_text(OUTFIT)
+    nodes = [
+        start_node("mocap_player", NAMESPACE, publish_clock=True),
+        start_node("collider_node", NAMESPACE, use_sim_time=True),
+        start_node("cloth_node", NAMESPACE, use_sim_time=True, outfit=str(outfit)),
+    ]
+    probe = make_probe(NAMESPACE)
+    clock = probe.listen(CLOCK)
+    poses = probe.listen(COLLIDER_POSES)
+    points = probe.listen(GARMENT_POINTS, "skirt", raw=True)
+    probe.next(points)
+    stamps = [
+        nanoseconds(deserialize_message(data, PointCloud2).header.stamp)
+        for data in probe.next(points, 60)
+    ]
+    now = nanoseconds(probe.next(clock)[0].clock)
+    assert 0 < stamps[0] < stamps[-1] <= now < 300 * SECOND
+    assert stamps == sorted(stamps)
+    newest = nanoseconds(probe.next(poses)[0].header.stamp)
+    assert stamps[-1] <= newest
+    for number, node in zip((signal.SIGINT, signal.SIGTERM, signal.SIGINT), nodes):
+        node.send(number)
+    for node in nodes:
+        assert node.wait() == 0
+        assert "Traceback" not in node.output

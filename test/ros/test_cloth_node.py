@@ -1,0 +1,505 @@
+"""The cloth node as a process, fed by hand."""
+
+import signal
+import struct
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Pose, PoseArray
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header, String
+from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import Marker
+
+from garment_sim_ros.body.kinematics import rest_transforms
+from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.colliders.capsules import fit_capsules
+from garment_sim_ros.colliders.description import to_json
+from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.ros.interfaces import (
+    COLLIDER_DESCRIPTION,
+    COLLIDER_POSES,
+    GARMENT_MESH,
+    GARMENT_POINTS,
+    GARMENT_TOPOLOGY,
+    QUALITY,
+)
+from garment_sim_ros.ros.serialize import Poses
+
+pytestmark = pytest.mark.ros
+
+NAMESPACE = "/cloth_test"
+SECOND = 10**9
+RATE = 60.0
+INPUT_PERIOD = SECOND // 100
+GARMENTS = ("skirt", "shirt")
+OUTFIT = """
+version: 1
+garments:
+  - {name: skirt, generator: short_skirt, options: {vertices: 500}}
+  - {name: shirt, generator: tshirt, options: {vertices: 500}}
+"""
+
+
+def stamp_of(data):
+    """Stamp [ns] of a serialized message that begins with a header."""
+    seconds, rest = struct.unpack_from("<iI", data, 4)
+    return seconds * SECOND + rest
+
+
+def points_of(data):
+    """Positions in a serialized PointCloud2, shape [v, 3]."""
+    message = deserialize_message(data, PointCloud2)
+    return np.frombuffer(bytes(message.data), np.float32).reshape(message.width, -1)
+
+
+class Avatar:
+    """A mannequin's colliders, swaying."""
+
+    def __init__(self, delta=0.0):
+        self.body = load_body("mannequin")
+        self.colliders = fit_capsules(self.body, delta=delta)
+        self.description = String(data=to_json(self.colliders))
+        poser = ColliderPoser(self.colliders, self.body)
+        self.rest = poser.poses(rest_transforms(self.body.rig)).copy()
+        self._message = Poses(len(self.colliders), "world")
+
+    def at(self, seconds):
+        """Poses at a time: 0.2 m to and fro in 2 s."""
+        shift = np.array([0.2 * np.sin(np.pi * seconds), 0.0, 0.0])
+        return ColliderPoses(
+            position=self.rest.position + shift, orientation=self.rest.orientation
+        )
+
+    def message(self, stamp, poses):
+        return self._message.fill(stamp, poses)
+
+
+class Feeder:
+    """Sends poses at a fixed rate, with a timer of the probe's node, whatever the test does."""
+
+    def __init__(self, probe, avatar):
+        self.probe = probe
+        self.avatar = avatar
+        self.stamp = 1000 * SECOND
+        self.origin = np.zeros(3)
+        self._timer = None
+
+    def start(self, period=INPUT_PERIOD):
+        self.stop()
+        self._period = period
+        self._due = time.monotonic_ns() + period
+        self._timer = self.probe.node.create_timer(1e-9 * max(period, INPUT_PERIOD), self._send)
+
+    def stop(self):
+        if self._timer is not None:
+            self.probe.node.destroy_timer(self._timer)
+            self._timer = None
+
+    def _send(self):
+        """All that is due: stamps follow the time even where the timer does not."""
+        while self._due <= time.monotonic_ns():
+            self._due += self._period
+            self.stamp += self._period
+            poses = self.avatar.at(1e-9 * self.stamp)
+            poses.position += self.origin
+            self.probe.publish(COLLIDER_POSES, self.avatar.message(self.stamp, poses))
+
+
+@pytest.fixture(scope="module")
+def outfit(tmp_path_factory):
+    path = tmp_path_factory.mktemp("outfit") / "outfit.yaml"
+    path.write_text(OUTFIT)
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def avatar():
+    return Avatar()
+
+
+@pytest.fixture(scope="module")
+def node(start_node, outfit):
+    return start_node("cloth_node", NAMESPACE, outfit=outfit, rate=RATE)
+
+
+@pytest.fixture(scope="module")
+def probe(node, make_probe, avatar, until):
+    probe = make_probe(NAMESPACE)
+    until(
+        lambda: (
+            probe.diagnostics(node) and "waits for collider_d" in probe.diagnostics(node).message
+        ),
+        "the node waits for colliders",
+    )
+    for name in GARMENTS:
+        # Serialized: thousands of points as objects, at 60 Hz, would take all of a core.
+        probe.listen(GARMENT_POINTS, name, raw=True)
+        probe.listen(GARMENT_MESH, name, raw=True)
+    probe.listen(QUALITY)
+    probe.publish(COLLIDER_DESCRIPTION, avatar.description)
+    # The publisher is made here: it waits for its reader, which the feeder's timer must not.
+    probe.publish(COLLIDER_POSES, avatar.message(999 * SECOND, avatar.at(999.0)))
+    return probe
+
+
+@pytest.fixture(scope="module")
+def feeder(probe, avatar):
+    feeder = Feeder(probe, avatar)
+    yield feeder
+    feeder.stop()
+
+
+@pytest.fixture
+def running(feeder, reach):
+    """Input that runs, and cloth that follows it."""
+    feeder.start()
+    reach()
+    return feeder
+
+
+@pytest.fixture
+def reach(feeder, probe, until):
+    """Waits until the cloth is where the input is now; the shirt's points there."""
+
+    def reach():
+        now = feeder.stamp
+        found = probe.received("garments/shirt/points")
+
+        def recent():
+            return found and now < stamp_of(found[-1]) <= feeder.stamp
+
+        until(recent, "the cloth follows the input")
+        points = points_of(found[-1])
+        assert np.isfinite(points).all()
+        sway = 0.2 * np.sin(np.pi * 1e-9 * stamp_of(found[-1]))
+        middle = feeder.origin[0] + sway, feeder.origin[1]
+        assert np.abs(points[:, :2].mean(axis=0) - middle).max() < 0.2
+        assert 0.8 < points[:, 2].mean() < 1.6
+        return points
+
+    return reach
+
+
+def test_topology_reaches_late_joiners_and_fits_the_points(running, probe, make_probe, until):
+    late = make_probe(NAMESPACE)
+    for name in GARMENTS:
+        topology = late.listen(GARMENT_TOPOLOGY, name)
+        until(lambda t=topology: late.received(t), f"topology of the {name}")
+        mesh = late.received(topology)[-1]
+        triangles = np.array([t.vertex_indices for t in mesh.triangles])
+        data = probe.next(f"garments/{name}/points")[0]
+        cloud = deserialize_message(data, PointCloud2)
+        assert len(mesh.vertices) == cloud.width
+        assert triangles.max() == cloud.width - 1
+        assert (cloud.header.frame_id, cloud.height, cloud.point_step) == ("world", 1, 12)
+        assert [f.name for f in cloud.fields] == ["x", "y", "z"]
+        drawn = probe.received(f"garments/{name}/mesh")
+        same = until(
+            lambda d=data, ms=drawn: [m for m in ms if stamp_of(m) == stamp_of(d)],
+            "the marker of that frame",
+        )
+        marker = deserialize_message(same[0], Marker)
+        corners = np.array([[p.x, p.y, p.z] for p in marker.points])
+        assert (corners == points_of(data)[triangles.ravel()]).all()
+        assert (marker.ns, marker.type, marker.action) == (name, marker.TRIANGLE_LIST, marker.ADD)
+        assert marker.header.frame_id == "world"
+
+
+def test_quality_of_service(running, probe):
+    topics = {
+        "garments/skirt/points": DurabilityPolicy.VOLATILE,
+        "garments/skirt/mesh": DurabilityPolicy.VOLATILE,
+        "garments/skirt/topology": DurabilityPolicy.TRANSIENT_LOCAL,
+        "quality": DurabilityPolicy.VOLATILE,
+    }
+    for name, durability in topics.items():
+        (info,) = probe.publishers_of(name)
+        assert info.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        assert info.qos_profile.durability == durability
+
+
+def test_stamps_are_whole_steps_and_never_beyond_the_input(running, probe):
+    step = round(SECOND / 180)
+    stamps = [stamp_of(m) for m in probe.next("garments/shirt/points", 60)]
+    assert max(stamps) <= running.stamp
+    steps = np.diff(stamps)
+    assert (steps >= 0).all()
+    assert (steps % step == 0).all()
+    assert stamps[-1] > stamps[0]
+
+
+def test_quality_has_one_status_per_garment_and_frame(running, probe):
+    message = probe.next("quality")[0]
+    assert [s.name for s in message.status] == list(GARMENTS)
+    for status in message.status:
+        values = {v.key: float(v.value) for v in status.values}
+        assert values.keys() >= {"step_ms", "strain_p95", "strain_max", "contacts", "resets"}
+        assert all(np.isfinite(v) for v in values.values())
+        assert values["step_ms"] >= 0.0
+        assert values["strain_max"] >= values["strain_p95"] - 1e-3
+    stamps = {stamp_of(m) for m in probe.received("garments/skirt/points")}
+    assert message.header.stamp.sec * SECOND + message.header.stamp.nanosec in stamps
+
+
+@pytest.mark.parametrize("rate", [10, 1000])
+def test_slow_and_fast_input(running, probe, node, until, reach, rate):
+    running.start(SECOND // rate)
+    until(
+        lambda: abs(probe.value(node, "input_period_ms") * rate - 1000.0) < 1.0,
+        "the node knows the input's period",
+    )
+
+    def moves_evenly():
+        stamps = [stamp_of(m) for m in probe.next("garments/shirt/points", 60)]
+        assert max(stamps) <= running.stamp
+        return len(set(stamps)) > 30
+
+    until(moves_evenly, "the cloth moves with most frames, not with every message")
+    reach()
+
+
+def test_input_that_stops_and_comes_back(running, probe, reach, until):
+    for pause in (SECOND // 2, 100 * SECOND):
+        running.stop()
+        until(
+            lambda: len(set(map(stamp_of, probe.next("garments/shirt/points", 5)))) == 1,
+            "the cloth stands still",
+        )
+        held = probe.next("garments/shirt/points", 5)
+        assert all(m == held[0] for m in held)
+        running.stamp += pause
+        running.start()
+        reach()
+
+
+def resets(probe):
+    """Times the garments were put on again, as of the next frame."""
+    status = probe.next("quality")[0].status[0]
+    return next(int(v.value) for v in status.values if v.key == "resets")
+
+
+def poses_message(feeder, *, count=None, **first):
+    poses = [Pose() for _ in range(count or len(feeder.avatar.colliders))]
+    for key, value in first.items():
+        group, _, axis = key.partition("_")
+        setattr(getattr(poses[0], group), axis, value)
+    return poses
+
+
+def with_header(feeder, poses, *, stamp=None, frame_id="world"):
+    # The feeder's timer sends meanwhile; the stamps of its next messages are after these.
+    stamp = feeder.stamp + 1 if stamp is None else stamp
+    header = Header(stamp=Time(sec=stamp // SECOND, nanosec=stamp % SECOND), frame_id=frame_id)
+    return serialize_message(PoseArray(header=header, poses=poses))
+
+
+def damaged(feeder):
+    data = bytearray(with_header(feeder, poses_message(feeder)))
+    struct.pack_into("<I", data, 24, 2**32 - 1)  # the number of poses
+    return bytes(data)
+
+
+REJECTED = {
+    "not_finite": lambda f: with_header(f, poses_message(f, position_x=float("nan"))),
+    "orientation_not_unit": lambda f: with_header(f, poses_message(f, orientation_w=0.2)),
+    "out_of_range": lambda f: with_header(f, poses_message(f, position_z=-1e8)),
+    "pose_count": lambda f: with_header(f, poses_message(f, count=3)),
+    "frame_id": lambda f: with_header(f, poses_message(f), frame_id="map"),
+    "stamp_backwards": lambda f: with_header(f, poses_message(f), stamp=f.stamp - SECOND // 10),
+    "stamp_jump": lambda f: with_header(f, poses_message(f), stamp=f.stamp + 1000 * SECOND),
+    "malformed": damaged,
+}
+
+
+@pytest.mark.parametrize("reason", sorted(REJECTED))
+def test_unusable_poses_are_counted_and_the_cloth_goes_on(
+    running, probe, node, until, reach, reason
+):
+    before = probe.value(node, f"rejected.{reason}")
+    resets_before = resets(probe)
+    probe.publish(COLLIDER_POSES, REJECTED[reason](running))
+    until(lambda: probe.value(node, f"rejected.{reason}") == before + 1, f"{reason} is counted")
+    assert reason in probe.diagnostics(node).message
+    assert probe.diagnostics(node).level == b"\x01"
+    reach()
+    assert resets(probe) == resets_before
+
+
+def test_a_body_that_jumps_takes_its_clothes_along(running, probe, reach):
+    before = resets(probe)
+    running.origin[:] = 5.0, -3.0, 0.0
+    reach()
+    assert resets(probe) == before + 1
+
+
+def test_a_time_that_begins_again_is_followed(running, reach):
+    running.stamp = 10 * SECOND
+    reach()
+
+
+def test_unusable_descriptions_are_counted_and_the_cloth_goes_on(
+    running, probe, node, until, reach, avatar
+):
+    text = avatar.description.data
+    for bad in ("", "[1]", text[:1000], text.replace("0.002", "0.003"), text.replace("hips", "h")):
+        before = probe.value(node, "rejected.collider_description")
+        probe.publish(COLLIDER_DESCRIPTION, String(data=bad))
+        until(
+            lambda b=before: probe.value(node, "rejected.collider_description") > b,
+            f"{bad[:20]!r} is rejected",
+        )
+    reach()
+
+
+def test_another_description_while_running(running, probe, node, until, reach, avatar):
+    other = Avatar(delta=0.004)
+    assert other.colliders.revision != avatar.colliders.revision
+    made = node.output.count("models stretch")
+    before = len(probe.received("garments/shirt/points"))
+    probe.publish(COLLIDER_DESCRIPTION, other.description)
+    running.avatar = other
+    until(lambda: node.output.count("models stretch") == made + 1, "garments for other colliders")
+    assert len(probe.received("garments/shirt/points")) > before
+    reach()
+    probe.publish(COLLIDER_DESCRIPTION, avatar.description)
+    running.avatar = avatar
+    until(lambda: node.output.count("models stretch") == made + 2, "the first garments again")
+    reach()
+
+
+def test_reset(running, probe, reach):
+    before = resets(probe)
+    assert probe.call(Trigger, "cloth_node/reset", Trigger.Request()).success
+    reach()
+    assert resets(probe) == before + 1
+
+
+def test_pause(running, probe, reach):
+    assert probe.call(SetBool, "cloth_node/pause", SetBool.Request(data=True)).success
+    held = probe.next("garments/skirt/points", 10)[1:]
+    assert all(m == held[0] for m in held)
+    assert probe.call(SetBool, "cloth_node/pause", SetBool.Request(data=False)).success
+    reach()
+
+
+def set_parameter(probe, name, **value):
+    parameter = Parameter(name=name, value=ParameterValue(**value))
+    request = SetParameters.Request(parameters=[parameter])
+    return probe.call(SetParameters, "cloth_node/set_parameters", request).results[0]
+
+
+def test_delay_can_be_set_and_holds(running, probe, until):
+    double = ParameterType.PARAMETER_DOUBLE
+    assert set_parameter(probe, "delay", type=double, double_value=0.3).successful
+
+    def behind():
+        before = running.stamp
+        message = probe.next("garments/shirt/points")[0]
+        return stamp_of(message) < before - 0.25 * SECOND
+
+    until(behind, "the cloth is 0.3 s behind")
+    for _ in range(20):
+        message = probe.next("garments/shirt/points")[0]
+        assert stamp_of(message) <= running.stamp - 0.25 * SECOND
+    assert not set_parameter(probe, "delay", type=double, double_value=-7.0).successful
+    assert not set_parameter(probe, "rate", type=double, double_value=10.0).successful
+    assert set_parameter(probe, "delay", type=double, double_value=-1.0).successful
+
+
+def test_gravity_can_be_turned(running, probe, until):
+    array = ParameterType.PARAMETER_DOUBLE_ARRAY
+
+    def sideways():
+        return points_of(probe.next("garments/skirt/points")[0])[:, 1].mean()
+
+    hanging = sideways()
+    turned = set_parameter(probe, "gravity", type=array, double_array_value=[0.0, 20.0, 0.0])
+    assert turned.successful
+    until(lambda: sideways() > hanging + 0.01, "the skirt swings to the left")
+    bad = set_parameter(probe, "gravity", type=array, double_array_value=[0.0, float("nan"), 1.0])
+    assert not bad.successful
+    back = set_parameter(probe, "gravity", type=array, double_array_value=[0.0, 0.0, -9.81])
+    assert back.successful
+    until(lambda: sideways() < hanging + 0.005, "the skirt swings back")
+
+
+def test_the_same_messages_give_the_same_bytes(start_node, make_probe, outfit, avatar, until):
+    """With `step_on` poses: uneven stamps, a jump, a stray message; every frame, every byte."""
+    runs = []
+    for number in (1, 2):
+        namespace = f"/cloth_same_{number}"
+        node = start_node("cloth_node", namespace, outfit=outfit, step_on="poses", normals=True)
+        probe = make_probe(namespace)
+        names = [probe.listen(GARMENT_POINTS, name, raw=True) for name in GARMENTS]
+        runs.append((node, probe, names))
+    random = np.random.default_rng(0)
+    steps = random.integers(1_000_000, 40_000_000, size=40)
+    stamps = (100 * SECOND + np.cumsum(steps)).tolist()
+    frames = []
+    for node, probe, names in runs:
+        until(lambda p=probe, n=node: p.diagnostics(n), "the node runs")
+        probe.publish(COLLIDER_DESCRIPTION, avatar.description)
+        # Where a message leaves the simulated time, by the rule of whole steps.
+        step, time = round(SECOND / 180), None
+        for i, stamp in enumerate(stamps):
+            poses = avatar.at(1e-9 * stamp)
+            poses.position[:, 0] += 3.0 * (i >= 20)
+            probe.publish(COLLIDER_POSES, avatar.message(stamp, poses))
+            if i == 10:
+                probe.publish(COLLIDER_POSES, avatar.message(stamp - 5, poses))
+            is_reset = i in (0, 20)
+            moves = is_reset or stamp - time >= step
+            time = stamp if is_reset else time + (stamp - time) // step * step
+            if moves:
+                until(
+                    lambda t=time, p=probe, ns=names: all(
+                        p.received(n) and stamp_of(p.received(n)[-1]) == t for n in ns
+                    ),
+                    f"the frame of message {i}",
+                )
+        assert [stamp_of(b) for b in probe.received(names[0])] == sorted(
+            {stamp_of(b) for b in probe.received(names[0])}
+        )
+        frames.append([probe.received(n) for n in names])
+        node.send(signal.SIGINT)
+        assert node.wait() == 0
+    assert len(frames[0][0]) > 20
+    assert frames[0] == frames[1]
+    normals = points_of(frames[0][0][-1])[:, 3:]
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"outfit": "no_such.yaml"}, "no_such.yaml: "),
+        ({"body": ""}, "body: found nothing"),
+        ({"body": "no_such.glb"}, "no_such.glb: does not exist"),
+        ({"solver": "magic"}, "solver: found 'magic'"),
+        ({"step_on": "wishes"}, "step_on: found 'wishes'"),
+        ({"gravity": [0.0, -9.81]}, "gravity: found"),
+    ],
+)
+def test_unusable_parameters_end_it_with_one_line(start_node, parameters, words):
+    node = start_node("cloth_node", "/cloth_bad", **parameters)
+    assert node.wait() == 2
+    lines = [line for line in node.output.splitlines() if line.strip()]
+    assert lines[-1].startswith(f"error: {words}")
+    assert "Traceback" not in node.output
+
+
+def test_clean_end(running, node):
+    node.send(signal.SIGTERM)
+    assert node.wait() == 0
+    assert "Traceback" not in node.output

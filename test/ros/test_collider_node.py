@@ -1,0 +1,362 @@
+"""The collider node as a process, fed by hand."""
+
+import signal
+import struct
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+from builtin_interfaces.msg import Time
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header, String
+
+from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.retargeting import Retargeter
+from garment_sim_ros.body.urdf import parse_urdf
+from garment_sim_ros.colliders.description import from_json
+from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.mocap.clips import load_clip
+from garment_sim_ros.mocap.source_urdf import reference_from_urdf, urdf_from_clip
+from garment_sim_ros.ros.interfaces import (
+    COLLIDER_DESCRIPTION,
+    COLLIDER_MARKERS,
+    COLLIDER_POSES,
+    JOINT_STATES,
+    ROBOT_DESCRIPTION,
+    ROOT_POSE,
+)
+
+pytestmark = pytest.mark.ros
+
+NAMESPACE = "/collider_test"
+STEP = 10_000_000
+
+
+def stamped(stamp):
+    return Header(stamp=Time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id="world")
+
+
+def nanoseconds(message):
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
+def as_array(message):
+    return np.array(
+        [
+            [getattr(p.position, k) for k in "xyz"] + [getattr(p.orientation, k) for k in "xyzw"]
+            for p in message.poses
+        ]
+    )
+
+
+class Feeder:
+    """Sends joint states of the built-in walk with stamps of its own."""
+
+    def __init__(self, probe, until):
+        self.probe = probe
+        self.until = until
+        self.clip = load_clip("walk")
+        self.names = self.clip.rig.dofs.names
+        self.urdf = urdf_from_clip(self.clip)
+        self.stamp = 1000 * 10**9
+        self.sample = 0
+        self.poses = probe.listen(COLLIDER_POSES)
+
+    def values(self):
+        self.sample = (self.sample + 1) % len(self.clip.times)
+        return self.clip.values[self.sample].tolist()
+
+    def send(self, *, advance=STEP, **changes):
+        """One message; its stamp."""
+        self.stamp += advance
+        fields = {"header": stamped(self.stamp), "name": list(self.names)}
+        if "position" not in changes and "name" not in changes:
+            fields["position"] = self.values()
+        self.probe.publish(JOINT_STATES, JointState(**{**fields, **changes}))
+        return self.stamp
+
+    def answer(self, stamp):
+        """The poses with a stamp."""
+
+        def find():
+            found = self.probe.received(self.poses)
+            return next((m for m in reversed(found) if nanoseconds(m) == stamp), None)
+
+        return self.until(find, f"poses stamped {stamp}")
+
+    def found(self):
+        return self.probe.received(self.poses)
+
+
+@pytest.fixture(scope="module")
+def node(start_node):
+    return start_node("collider_node", NAMESPACE)
+
+
+@pytest.fixture(scope="module")
+def feeder(node, make_probe, until):
+    probe = make_probe(NAMESPACE)
+    feeder = Feeder(probe, until)
+    description = probe.listen(COLLIDER_DESCRIPTION)
+    probe.publish(ROBOT_DESCRIPTION, String(data=feeder.urdf))
+    until(lambda: probe.received(description), "a description")
+    until(
+        lambda: (
+            probe.diagnostics(node) and "waits for robot" not in probe.diagnostics(node).message
+        ),
+        "the skeleton is taken",
+    )
+    feeder.answer(feeder.send())
+    return feeder
+
+
+@pytest.fixture(scope="module")
+def expected_poses(feeder):
+    """Poses [n, 7] of the node's colliders for channel values, computed here."""
+    colliders = from_json(feeder.probe.received("collider_description")[0].data)
+    body = load_body("mannequin")
+    rig = parse_urdf(feeder.urdf)
+    move = Retargeter(rig, body, reference=reference_from_urdf(feeder.urdf))
+    poser = ColliderPoser(colliders, body)
+    order = [feeder.names.index(name) for name in rig.dofs.names]
+
+    def poses(values):
+        found = poser.poses(move.world_joints(np.array(values)[order]))
+        return np.concatenate([found.position, found.orientation], axis=1)
+
+    return poses
+
+
+def test_description_reaches_late_joiners(feeder, make_probe, until):
+    late = make_probe(NAMESPACE)
+    name = late.listen(COLLIDER_DESCRIPTION)
+    until(lambda: late.received(name), "the description")
+    colliders = from_json(late.received(name)[0].data)
+    assert colliders.frame_id == "world"
+    assert colliders.thickness == 0.002
+    kinds = {c.kind for c in colliders.colliders}
+    assert kinds == {"capsule", "frame"}
+
+
+def test_quality_of_service(feeder):
+    for topic, latched in ((COLLIDER_DESCRIPTION, True), (COLLIDER_POSES, False)):
+        (info,) = feeder.probe.publishers_of(topic.name)
+        assert info.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        expected = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+        assert info.qos_profile.durability == expected
+
+
+def test_poses_are_those_of_the_retargeted_body(feeder, expected_poses):
+    for _ in range(3):
+        stamp = feeder.send()
+        message = feeder.answer(stamp)
+        assert message.header.frame_id == "world"
+        found = as_array(message)
+        expected = expected_poses(feeder.clip.values[feeder.sample])
+        np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_root_pose_and_markers(feeder, until):
+    root, markers = feeder.probe.listen(ROOT_POSE), feeder.probe.listen(COLLIDER_MARKERS)
+
+    def both():
+        feeder.send(advance=20 * STEP)
+        return feeder.probe.received(root) and feeder.probe.received(markers)
+
+    until(both, "root pose and markers")
+    pose = feeder.probe.received(root)[-1]
+    assert pose.header.frame_id == "world"
+    assert 0.7 < pose.pose.position.z < 1.2
+    colliders = from_json(feeder.probe.received("collider_description")[0].data)
+    shapes = [c for c in colliders.colliders if c.kind != "frame"]
+    found = feeder.probe.received(markers)[-1].markers
+    assert len(found) == len(shapes)
+    assert len({(m.ns, m.id) for m in found}) == len(found)
+    poses = as_array(feeder.answer(nanoseconds(found[0])))
+    for marker in found:
+        assert marker.header.frame_id == "world"
+        assert [marker.pose.position.x, marker.pose.position.z] == list(poses[marker.id, [0, 2]])
+        assert len(marker.points) % 3 == 0
+
+
+def test_names_may_come_in_any_order(feeder, expected_poses):
+    values = feeder.values()
+    order = np.random.default_rng(0).permutation(len(values))
+    stamp = feeder.send(name=[feeder.names[i] for i in order], position=[values[i] for i in order])
+    np.testing.assert_allclose(as_array(feeder.answer(stamp)), expected_poses(values), atol=1e-9)
+
+
+def test_a_part_of_the_names_changes_only_those(feeder, expected_poses):
+    values = feeder.values()
+    feeder.answer(feeder.send(position=values))
+    values[5] += 0.3
+    stamp = feeder.send(name=[feeder.names[5]], position=[values[5]])
+    np.testing.assert_allclose(as_array(feeder.answer(stamp)), expected_poses(values), atol=1e-9)
+
+
+def test_unknown_names_are_told_and_the_others_used(feeder, node, expected_poses, until):
+    before = feeder.probe.value(node, "rejected.name_unknown")
+    values = feeder.values()
+    stamp = feeder.send(name=[*feeder.names, "tail_joint"], position=[*values, 0.5])
+    np.testing.assert_allclose(as_array(feeder.answer(stamp)), expected_poses(values), atol=1e-9)
+    until(
+        lambda: feeder.probe.value(node, "rejected.name_unknown") > before,
+        "the unknown name on /diagnostics",
+    )
+
+
+def damaged():
+    data = bytearray(serialize_message(JointState(name=["a"], position=[0.0])))
+    struct.pack_into("<I", data, 20, 2**31)  # the number of names
+    return bytes(data)
+
+
+REJECTED = {
+    "name_duplicated": lambda f: {"name": [f.names[0], f.names[0]], "position": [0.0, 0.1]},
+    "name_unknown": lambda f: {"name": ["tail_joint"], "position": [0.0]},
+    "length_mismatch": lambda f: {"position": f.values()[:-1]},
+    "not_finite": lambda f: {"position": [float("nan"), *f.values()[1:]]},
+    "out_of_range": lambda f: {"position": [1e300, *f.values()[1:]]},
+    "stamp_backwards": lambda f: {"header": stamped(f.stamp - 5 * STEP)},
+    "stamp_jump": lambda f: {"header": stamped(f.stamp + 100 * 10**9)},
+    "stamp_invalid": lambda f: {"header": Header(stamp=Time(sec=-5))},
+}
+
+
+@pytest.mark.parametrize("reason", sorted(REJECTED))
+def test_unusable_joint_states_are_counted_and_change_nothing(
+    feeder, node, expected_poses, until, reason
+):
+    before = feeder.probe.value(node, f"rejected.{reason}")
+    count = len(feeder.found())
+
+    # Best effort: one may get lost.
+    def counted():
+        feeder.send(advance=0, **REJECTED[reason](feeder))
+        return feeder.probe.value(node, f"rejected.{reason}") > before
+
+    until(counted, reason)
+    assert reason in feeder.probe.diagnostics(node).message
+    assert len(feeder.found()) == count
+    values = feeder.values()
+    message = feeder.answer(feeder.send(position=values))
+    np.testing.assert_allclose(as_array(message), expected_poses(values), atol=1e-9)
+
+
+def test_damaged_bytes_are_counted(feeder, node, until):
+    def counted():
+        feeder.probe.publish(JOINT_STATES, damaged())
+        return feeder.probe.value(node, "rejected.malformed")
+
+    until(counted, "malformed")
+    feeder.answer(feeder.send())
+
+
+def test_unusable_descriptions_are_counted_and_the_old_one_stays(feeder, node, until):
+    bomb = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><robot name="&b;"/>'
+    for text in ("", "no xml", bomb, "<robot name='r'/>", feeder.urdf[: len(feeder.urdf) // 2]):
+        before = feeder.probe.value(node, "rejected.robot_description")
+        feeder.probe.publish(ROBOT_DESCRIPTION, String(data=text))
+        until(
+            lambda b=before: feeder.probe.value(node, "rejected.robot_description") > b,
+            f"{text[:20]!r} is rejected",
+        )
+    feeder.answer(feeder.send())
+
+
+def test_a_time_that_begins_again_is_followed(feeder):
+    feeder.stamp = 5 * 10**9
+    feeder.send()  # the first one might be a stray
+    feeder.answer(feeder.send())
+    feeder.stamp += 3600 * 10**9
+    feeder.send()
+    feeder.answer(feeder.send())
+
+
+def test_joint_states_without_a_stamp_are_of_now(feeder):
+    before = feeder.probe.node.get_clock().now().nanoseconds
+    count = len(feeder.found())
+    for _ in range(2):
+        feeder.probe.publish(
+            JOINT_STATES, JointState(name=list(feeder.names), position=feeder.values())
+        )
+    feeder.until(lambda: len(feeder.found()) > count, "poses")
+    assert nanoseconds(feeder.found()[-1]) >= before
+
+
+def test_first_values_are_waited_for(start_node, make_probe, until):
+    namespace = "/collider_partial"
+    node = start_node("collider_node", namespace, method="spheres", delta=0.01)
+    probe = make_probe(namespace)
+    feeder = Feeder(probe, until)
+    probe.publish(ROBOT_DESCRIPTION, String(data=feeder.urdf))
+    half = len(feeder.names) // 2
+    values = feeder.values()
+
+    def waits():
+        feeder.send(name=list(feeder.names[:half]), position=values[:half])
+        status = probe.diagnostics(node)
+        return status and "first value" in status.message
+
+    until(waits, "it waits for the other half")
+    assert probe.value(node, "rejected.name_missing") > 0
+    assert not feeder.found()
+    message = feeder.answer(feeder.send(name=list(feeder.names[half:]), position=values[half:]))
+    description = probe.listen(COLLIDER_DESCRIPTION)
+    until(lambda: probe.received(description), "the description")
+    colliders = from_json(probe.received(description)[0].data)
+    assert {c.kind for c in colliders.colliders} == {"sphere", "frame"}
+    assert len(message.poses) == len(colliders)
+    node.send(signal.SIGTERM)
+    assert node.wait() == 0
+    assert "Traceback" not in node.output
+
+
+def test_the_urdf_can_be_the_body(start_node, make_probe, until, data_file):
+    namespace = "/collider_urdf"
+    text = data_file("urdf", "human_1m65.urdf").read_text()
+    node = start_node("collider_node", namespace, body="")
+    probe = make_probe(namespace)
+    description, poses = probe.listen(COLLIDER_DESCRIPTION), probe.listen(COLLIDER_POSES)
+    probe.publish(ROBOT_DESCRIPTION, String(data=text))
+    until(lambda: probe.received(description), "the description")
+    colliders = from_json(probe.received(description)[0].data)
+    rig = parse_urdf(text)
+    names = [n for n, m in zip(rig.dofs.names, rig.dofs.mimic_source) if m < 0]
+
+    def posed():
+        probe.publish(JOINT_STATES, JointState(name=names, position=[0.0] * len(names)))
+        return probe.received(poses)
+
+    until(posed, "poses")
+    assert len(probe.received(poses)[0].poses) == len(colliders)
+    node.send(signal.SIGINT)
+    assert node.wait() == 0
+    assert "Traceback" not in node.output
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"body": "no_such.glb"}, "no_such.glb: does not exist"),
+        ({"delta": -0.01}, "delta: found -0.01"),
+        ({"bone_names": "no_such.yaml"}, "no_such.yaml: "),
+    ],
+)
+def test_unusable_parameters_end_it_with_one_line(start_node, parameters, words):
+    node = start_node("collider_node", "/collider_bad", **parameters)
+    assert node.wait() == 2
+    lines = [line for line in node.output.splitlines() if line.strip()]
+    assert lines[-1].startswith(f"error: {words}")
+    assert "Traceback" not in node.output
+
+
+def test_clean_end(node, feeder):
+    feeder.send()
+    node.send(signal.SIGINT)
+    assert node.wait() == 0
+    assert "Traceback" not in node.output

@@ -1,0 +1,136 @@
+"""The demo as a newcomer runs it: three real processes, a bag, figures and pictures."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+from PIL import Image
+from rosbags.highlevel import AnyReader
+
+pytest.importorskip("rclpy")
+pytest.importorskip("embreex")
+
+pytestmark = pytest.mark.ros
+
+COMMAND = [sys.executable, "-m", "garment_sim_ros.cli.main", "demo"]
+TOPICS = {
+    *("/joint_states", "/robot_description", "/root_pose", "/quality"),
+    *("/collider_poses", "/collider_description", "/collider_markers"),
+    *(f"/garments/{g}/{t}" for g in ("tshirt", "skirt") for t in ("points", "mesh", "topology")),
+}
+FIGURES = {
+    *("frames", "rate_hz", "late_frames", "step_ms_median", "step_ms_p95"),
+    *("penetration_mm_p99", "penetration_mm_max", "gap_mm_median", "strain_p95", "strain_max"),
+    *("finite", "resets", "garments"),
+}
+
+
+def nodes_of(folder: Path) -> list[psutil.Process]:
+    """Node processes whose parameters lie in `folder`."""
+    found = []
+    for process in psutil.process_iter(["cmdline"]):
+        words = process.info["cmdline"] or []
+        if "--params-file" in words and str(folder) in " ".join(words):
+            found.append(process)
+    return found
+
+
+def test_demo_leaves_bag_figures_and_pictures(tmp_path):
+    out = tmp_path / "out"
+    words = [*COMMAND, "--seconds", "2", "--out", str(out), "--json"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert not nodes_of(out)
+    assert "frames published" in done.stdout
+    summary = json.loads((out / "summary.json").read_text())
+    assert json.loads(done.stdout.splitlines()[-1]) == summary
+    assert set(summary) >= FIGURES
+    assert summary["finite"] is True
+    assert summary["frames"] > 30
+    assert set(summary["garments"]) == {"tshirt", "skirt"}
+    for garment in summary["garments"].values():
+        assert garment["vertices"] > 1000
+        assert 0.0 < garment["pinned_share"] < 0.1
+
+    with AnyReader([out / "bag"]) as reader:
+        counts = {c.topic: c.msgcount for c in reader.connections}
+    assert {topic for topic, count in counts.items() if count} >= TOPICS
+    with Image.open(out / "preview.png") as picture:
+        assert picture.width > 3 * picture.height / 2
+    with Image.open(out / "preview.gif") as film:
+        assert film.n_frames > 10
+    assert (out / "preview.gif").stat().st_size < 3e6
+    assert {p.name for p in out.iterdir()} == {
+        *("bag", "logs", "preview.gif", "preview.png", "summary.json"),
+    }
+
+
+@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("moment", ["starting", "recording"])
+def test_interrupted_demo_leaves_nothing_behind(tmp_path, sign, moment):
+    out = tmp_path / "a" / "out"
+    demo = subprocess.Popen([*COMMAND, "--out", str(out)], stderr=subprocess.PIPE)
+    limit = time.monotonic() + 180.0
+
+    def reached() -> bool:
+        if moment == "starting":
+            return len(nodes_of(out)) == 3
+        return any(bag.stat().st_size > 100_000 for bag in out.glob("*/bag/*.mcap"))
+
+    while not reached():
+        assert time.monotonic() < limit
+        assert demo.poll() is None
+    demo.send_signal(sign)
+    demo.communicate(timeout=60.0)
+    assert demo.returncode == 130
+    assert not nodes_of(out)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "content"),
+    [
+        ("--body", "body.glb", b"not a body"),
+        ("--clip", "clip.bvh", b"HIERARCHY\nnothing"),
+        ("--outfit", "outfit.yaml", b"version: 99\n"),
+        ("--clip", "tango", None),
+    ],
+)
+def test_unusable_input_is_named_and_ends_the_demo(tmp_path, option, name, content):
+    value = name
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+        value = str(tmp_path / name)
+    words = [*COMMAND, "--out", str(tmp_path / "out"), option, value]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    lines = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert len(lines) == 1
+    assert name in lines[0]
+    assert not (tmp_path / "out").exists()
+    assert not nodes_of(tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("body", "clip"),
+    [
+        ("mh_female_young.glb", "cmu_131_03_hop_spin.bvh"),
+        ("CesiumMan.glb", "deepmimic_cartwheel.bvh"),
+        ("mh_female_young.glb", "rokoko_jesse_dance.bvh"),
+    ],
+)
+def test_demo_on_real_bodies_and_clips(tmp_path, data_file, body, clip):
+    words = [*COMMAND, "--out", str(tmp_path / "out"), "--seconds", "4", "--json"]
+    words += ["--body", str(data_file("bodies", body)), "--clip", str(data_file("mocap", clip))]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, env=os.environ)
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout.splitlines()[-1])
+    assert summary["finite"] is True
+    assert summary["frames"] > 100

@@ -1,0 +1,118 @@
+"""`fit` writes colliders that read back, a report that adds up, and a picture."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.cli import main as cli
+from garment_sim_ros.colliders.description import load_colliders
+from garment_sim_ros.colliders.fit_report import fit_report, skin_distance
+from garment_sim_ros.colliders.surfaces import surface
+from garment_sim_ros.geometry.shapes import Collider, ColliderSet
+
+
+def test_fit_writes_colliders_report_and_picture(tmp_path, capsys):
+    out, picture = tmp_path / "c.json", tmp_path / "sub" / "c.png"
+    words = ["fit", "mannequin", "--out", str(out), "--preview", str(picture), "--json"]
+    assert cli.main(words) == 0
+    summary = json.loads(capsys.readouterr().out.splitlines()[-1])
+    colliders = load_colliders(out)
+    report = json.loads((tmp_path / "c.report.json").read_text())
+    assert sum(report["colliders"].values()) == len(colliders)
+    assert report["colliders"]["frame"] == len(report["regions"])
+    assert sum(r["vertices"] for r in report["regions"].values()) == report["vertices"]
+    assert summary["outside_mm_max"] == report["outside_mm_max"]
+    assert report["outside_mm_max"] == max(r["outside_mm_max"] for r in report["regions"].values())
+    assert report["outside_share"] < 0.1
+    assert np.asarray(Image.open(picture)).std() > 10.0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["c.json", "c.report.json", "sub"]
+
+
+def test_hulls_leave_no_skin_outside_and_are_reported_one_by_one(tmp_path, capsys):
+    out, picture = tmp_path / "h.json", tmp_path / "h.png"
+    words = ["fit", "mannequin:vertices=1500", "--method", "hull", "--max-faces", "60", "--json"]
+    words += ["--delta", "0.004", "--out", str(out), "--preview", str(picture)]
+    assert cli.main(words) == 0
+    summary = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert summary["outside_share"] == 0.0
+    assert 0.0 < summary["volume_excess"] < 0.5
+    report = json.loads((tmp_path / "h.report.json").read_text())
+    colliders = load_colliders(out)
+    hulls = [c for c in colliders.colliders if c.kind == "hull"]
+    assert len(hulls) == sum(s["kind"] == "hull" for s in report["shapes"].values()) > 14
+    for hull in hulls:
+        told = report["shapes"][hull.name]
+        assert told["faces"] == len(hull.geometry["faces"]) <= 90
+        assert told["outside"] == 0
+        assert told["map"]["mean"] < told["map"]["longest"] < told["faces"]
+    assert np.asarray(Image.open(picture)).std() > 10.0
+
+
+@pytest.mark.parametrize("words", [["--delta", "-1"], ["--max-faces", "3"], ["--split", "x"]])
+def test_hull_options_out_of_range_are_usage_errors(tmp_path, capsys, words):
+    out = tmp_path / "h.json"
+    arguments = ["fit", "mannequin", "--method", "hull", "--out", str(out), *words]
+    try:
+        assert cli.main(arguments) == 2
+    except SystemExit as stopped:
+        assert stopped.code == 2
+    assert "allowed" in (told := capsys.readouterr().err) or "invalid" in told
+    assert not out.exists()
+
+
+def test_distance_is_that_to_the_nearest_surface():
+    body = load_body("mannequin")
+    joint = body.rig.joint_names[0]
+    centre = np.linalg.inv(body.skin.T_bone_bind)[0, :3, 3]
+    ball = Collider(name="ball", kind="sphere", bone=joint, geometry={"radius": 0.5})
+    distance = skin_distance(body, ColliderSet(colliders=(ball,)))
+    expected = np.linalg.norm(body.skin.vertices - centre, axis=1) - 0.5
+    assert distance == pytest.approx(expected, abs=1e-3)
+    report = fit_report(body, ColliderSet(colliders=(ball,)))
+    assert report["outside_mm_max"] == pytest.approx(1e3 * distance.max(), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    "collider",
+    [
+        Collider(name="s", kind="sphere", bone="b", geometry={"radius": 0.2}),
+        Collider(
+            name="c",
+            kind="capsule",
+            bone="b",
+            geometry={"radius0": 0.1, "radius1": 0.2, "length": 0.5},
+        ),
+    ],
+)
+def test_surface_is_closed_and_outward(collider):
+    vertices, triangles = surface(collider)
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    volume = (np.cross(a, b) * c).sum() / 6.0
+    g = collider.geometry
+    if collider.kind == "sphere":
+        expected = 4.0 / 3.0 * np.pi * g["radius"] ** 3
+        assert volume == pytest.approx(expected, rel=0.03)
+    else:
+        assert volume > np.pi * g["length"] / 3.0 * (0.1**2 + 0.1 * 0.2 + 0.2**2) * 0.97
+    edges = np.sort(
+        np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    )
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+
+
+def test_interrupt_leaves_nothing(tmp_path):
+    code = (
+        "import sys; from garment_sim_ros.cli import fit, main\n"
+        "def stop(*a): raise KeyboardInterrupt\n"
+        "fit.fit_report = stop\n"
+        "sys.exit(main.main(sys.argv[1:]))"
+    )
+    words = ["fit", "mannequin", "--out", str(tmp_path / "a" / "c.json")]
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, check=False)
+    assert done.returncode == 130
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,58 @@
+"""`fit --method ellipsoid`."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from garment_sim_ros.cli import main as cli
+from garment_sim_ros.colliders.description import load_colliders
+
+WORDS = ["fit", "mannequin:vertices=2000", "--method", "ellipsoid", "--max-ellipsoids", "30"]
+
+
+def test_writes_ellipsoids_and_what_was_assumed(tmp_path, capsys):
+    out = tmp_path / "c.json"
+    picture = tmp_path / "regions.png"
+    words = ["--mu", "left_calf=0.005", "--preview-regions", str(picture), "--out", str(out)]
+    assert cli.main([*WORDS, *words, "--json"]) == 0
+    colours = np.asarray(Image.open(picture).convert("HSV"))[..., :2].reshape(-1, 2)
+    strong = np.unique(colours[colours[:, 1] > 90, 0] // 8)
+    assert len(strong) > 10
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.startswith("assumed: joints of the rig") for line in lines)
+    kinds = [c.kind for c in load_colliders(out).colliders]
+    assert kinds.count("ellipsoid") == 30
+    report = json.loads((tmp_path / "c.report.json").read_text())
+    assert report["ellipsoid_fit"]["segmentation"]["confidence"] > 0.3
+    # The report measures on a mesh of each ellipsoid, which lies a little inside it.
+    assert report["outside_mm_max"] < 0.5
+    assert json.loads(lines[-1])["ellipsoid_fit"]["ellipsoids"] == 30
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["--mu", "tail=0.1"], "tail"),
+        (["--mu", "head=wide"], "--mu"),
+        (["--mu-torso", "-1"], "mu_torso"),
+        (["--max-ellipsoids", "2"], "max_ellipsoids"),
+    ],
+)
+def test_bad_options_exit_2_with_one_line(words, named, tmp_path, capsys):
+    assert cli.main([*WORDS, *words, "--out", str(tmp_path / "c.json")]) == 2
+    error = capsys.readouterr().err.strip().splitlines()
+    assert len(error) == 1
+    assert named in error[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_human_is_an_error_and_none_takes_it(tmp_path, capsys):
+    path = tmp_path / "cube.obj"
+    trimesh.creation.box((1.0, 1.0, 1.0)).subdivide().subdivide().subdivide().export(path)
+    words = ["fit", str(path), "--method", "ellipsoid", "--out", str(tmp_path / "c.json")]
+    assert cli.main(words) == 2
+    assert "human" in capsys.readouterr().err
+    assert cli.main([*words, "--segmentation", "none"]) == 0

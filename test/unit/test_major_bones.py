@@ -1,0 +1,106 @@
+"""Which joints are major, and who owns the rest."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.major_bones import joint_areas, major_bones
+from garment_sim_ros.body.rig import Dofs, Rig
+from garment_sim_ros.body.skin import Body, Skin
+
+
+@pytest.mark.parametrize("file", ["mh_female_young.glb", "CesiumMan.glb"])
+def test_a_human_has_seventeen(data_file, file):
+    body = load_body(data_file("bodies", file))
+    bones = major_bones(body)
+    assert len(bones) == 17
+    for bone in ("hips", "head", "leftHand", "rightLowerLeg"):
+        assert body.humanoid[bone] in bones.names
+    assert bones.parent[0] == -1
+    assert (bones.parent[1:] >= 0).all()
+    assert (bones.parent < np.arange(17)).all()
+
+
+def test_small_joints_follow_the_bone_above(data_file):
+    body = load_body(data_file("bodies", "mh_female_young.glb"))
+    bones = major_bones(body)
+
+    def owner(joint):
+        return bones.names[bones.owner[body.rig.index(joint)]]
+
+    assert owner("finger2-3.L") == "wrist.L"
+    assert owner("upperarm02.R") == "upperarm01.R"
+    assert owner("jaw") == "head"
+    assert owner("clavicle.L") == body.humanoid["chest"]
+    assert owner("pelvis.R") == "root"
+    area = joint_areas(body.skin)
+    assert area.sum() == pytest.approx(1.465, abs=2e-3)
+    assert (np.bincount(bones.owner, area) > 0.01 * area.sum()).all()
+
+
+def rigid_chain(offsets, carried, humanoid=None):
+    """Joints j0, j1, ... in a row along x; each in `carried` has a triangle pair of its own."""
+    n = len(offsets)
+    T = np.tile(np.eye(4), (n, 1, 1))
+    T[:, 0, 3] = offsets
+    x = np.cumsum(offsets)
+    vertices, triangles, bone = [], [], []
+    for joint, size in carried.items():
+        base = len(vertices)
+        vertices += [[x[joint], y * size, z * size] for y, z in ((0, 0), (1, 0), (1, 1), (0, 1))]
+        triangles += [[base, base + 1, base + 2], [base, base + 2, base + 3]]
+        bone += [joint] * 4
+    T_bone_bind = np.tile(np.eye(4), (n, 1, 1))
+    T_bone_bind[:, 0, 3] = -x
+    return Body(
+        name="chain",
+        rig=Rig(
+            joint_names=tuple(f"j{i}" for i in range(n)),
+            parent=np.arange(n) - 1,
+            T_parent_joint=T,
+            dofs=Dofs.none(),
+        ),
+        skin=Skin(
+            vertices=np.array(vertices),
+            triangles=np.array(triangles),
+            bone=np.array(bone)[:, None],
+            weight=np.ones((len(bone), 1)),
+            T_bone_bind=T_bone_bind,
+        ),
+        humanoid=humanoid or {},
+    )
+
+
+def test_without_names_size_decides_and_bare_joints_own_nothing():
+    body = rigid_chain([0, 1, 1, 1, 0.1], {1: 1.0, 3: 0.8, 4: 0.05})
+    bones = major_bones(body)
+    assert bones.names == ("j1", "j3")
+    assert bones.owner.tolist() == [0, 0, 0, 1, 1]
+    assert bones.parent.tolist() == [-1, 0]
+
+
+def test_of_joints_at_one_place_the_last_is_major():
+    names = ("hips", "spine", "chest", "neck", "head", "leftUpperArm", "leftLowerArm", "leftHand")
+    body = rigid_chain(
+        [0, 1, 1, 1, 1, 1, 0, 0, 1, 1],
+        {0: 1.0, 1: 1.0, 2: 1.0, 3: 1.0, 4: 1.0, 7: 1.0, 8: 1.0, 9: 1.0},
+        dict(zip(names, ("j0", "j1", "j2", "j3", "j4", "j5", "j8", "j9"))),
+    )
+    bones = major_bones(body)
+    assert bones.names == ("j0", "j1", "j2", "j3", "j4", "j7", "j8", "j9")
+    assert bones.owner.tolist() == [0, 1, 2, 3, 4, 4, 4, 5, 6, 7]
+
+
+def test_a_named_bone_without_skin_is_left_out():
+    names = ("hips", "spine", "chest", "neck", "head", "leftUpperArm", "leftLowerArm", "leftHand")
+    carried = dict.fromkeys(range(1, 7), 1.0)
+    body = rigid_chain(
+        [0, 1, 1, 1, 1, 1, 1, 1], carried, dict(zip(names, map("j{}".format, range(8))))
+    )
+    bones = major_bones(body)
+    assert bones.names == tuple(f"j{i}" for i in range(1, 7))
+    assert bones.owner.tolist() == [0, 0, 1, 2, 3, 4, 5, 5]
+    only_root = dataclasses.replace(body, humanoid={})
+    assert major_bones(only_root).names == tuple(f"j{i}" for i in range(1, 7))

@@ -1,0 +1,88 @@
+"""Measures of cloth against skin, on shapes where the answer is known."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from garment_sim_ros.tradeoff.metrics import ClothMeter, GarmentMesh, late_frames, rate
+
+
+@pytest.fixture
+def body():
+    mesh = trimesh.creation.icosphere(subdivisions=4, radius=0.3)
+    return np.asarray(mesh.vertices), mesh.faces.astype(np.int32)
+
+
+def shell(radius):
+    mesh = trimesh.creation.icosphere(subdivisions=3, radius=radius)
+    return np.asarray(mesh.vertices), mesh.faces.astype(np.int32)
+
+
+def test_cloth_outside_has_a_gap_and_no_penetration(body):
+    vertices, triangles = shell(0.31)
+    meter = ClothMeter(*body, {"shirt": GarmentMesh.from_rest(vertices, triangles)})
+    meter.add(body[0], {"shirt": vertices})
+    result = meter.result()
+    assert result["gap_mm_median"] == pytest.approx(10.0, abs=0.3)
+    assert result["penetration_mm_max"] == 0.0
+    assert result["strain_max"] == pytest.approx(0.0, abs=1e-6)
+    assert result["finite"] is True
+
+
+def test_chords_between_particles_count_as_penetration(body):
+    # All particles are outside, the centres of the large triangles are not.
+    ball = trimesh.creation.icosahedron()
+    vertices, triangles = ball.vertices, ball.faces
+    vertices = 0.301 * vertices / np.linalg.norm(vertices, axis=1, keepdims=True)
+    meter = ClothMeter(*body, {"cap": GarmentMesh.from_rest(vertices, triangles.astype(np.int32))})
+    meter.add(body[0], {"cap": vertices})
+    depth = 0.3 - np.linalg.norm(vertices[triangles].mean(axis=1), axis=1).min()
+    assert meter.result()["penetration_mm_max"] == pytest.approx(1e3 * depth, rel=0.02)
+    assert meter.result()["gap_mm_median"] > 0.0
+
+
+def test_strain_is_a_fraction_of_the_rest_length(body):
+    vertices, triangles = shell(0.4)
+    meter = ClothMeter(*body, {"shirt": GarmentMesh.from_rest(vertices, triangles)})
+    meter.add(body[0], {"shirt": 1.1 * vertices})
+    meter.add(body[0], {"shirt": 0.9 * vertices})
+    assert meter.result()["strain_max"] == pytest.approx(0.1, abs=1e-5)
+    assert meter.result()["strain_p95"] == pytest.approx(0.1, abs=1e-5)
+
+
+def test_body_that_moves_is_measured_where_it_is(body):
+    vertices, triangles = shell(0.31)
+    meter = ClothMeter(*body, {"shirt": GarmentMesh.from_rest(vertices, triangles)})
+    meter.add(body[0] + 5.0, {"shirt": vertices + 5.0})
+    assert meter.result()["gap_mm_median"] == pytest.approx(10.0, abs=0.3)
+
+
+def test_nan_is_reported_and_spoils_nothing_else(body):
+    vertices, triangles = shell(0.31)
+    broken = vertices.copy()
+    broken[3] = np.nan
+    meter = ClothMeter(*body, {"shirt": GarmentMesh.from_rest(vertices, triangles)})
+    meter.add(body[0], {"shirt": vertices})
+    meter.add(body[0], {"shirt": broken})
+    assert meter.result()["finite"] is False
+    assert np.isfinite(meter.result()["penetration_mm_max"])
+
+
+def test_nothing_measured_gives_none(body):
+    assert ClothMeter(*body, {}).result()["penetration_mm_max"] is None
+
+
+def test_late_frames_are_those_more_than_half_a_period_late():
+    due = 100.0 + np.arange(600) / 60.0
+    jitter = np.random.default_rng(1).uniform(-0.3, 0.3, 600) / 60.0
+    assert late_frames(due + jitter, 1 / 60.0) == 0
+    one_late = due.copy()
+    one_late[300] += 0.7 / 60.0
+    assert late_frames(one_late, 1 / 60.0) == 1
+    assert late_frames(np.delete(due, [200, 201]), 1 / 60.0) == 2
+    assert late_frames(due[:1], 1 / 60.0) == 0
+
+
+def test_rate_counts_intervals():
+    assert rate(np.arange(61) / 60.0) == pytest.approx(60.0)
+    assert rate(np.array([1.0])) == 0.0

@@ -1,0 +1,277 @@
+"""Stamps, buffered poses, channels and the cloth's clock, without any node."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+from garment_sim_ros.body.rig import ROTATION, Dofs
+from garment_sim_ros.errors import MessageError
+from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
+from garment_sim_ros.ros.cloth_stepper import ClothStepper
+from garment_sim_ros.ros.conversions import StampedJoints
+from garment_sim_ros.ros.joint_channels import JointChannels
+from garment_sim_ros.ros.pose_buffer import PoseBuffer
+from garment_sim_ros.ros.stamp_order import StampOrder
+from garment_sim_ros.sim.simulation import Simulation
+
+SECOND = 10**9
+STEP = SECOND // 100
+
+
+def poses(x, count=2):
+    found = ColliderPoses.identity(count)
+    found.position[:, 0] = x
+    return found
+
+
+class TestStampOrder:
+    @staticmethod
+    def reasons(stamps, time_jump=1.0):
+        order, found = StampOrder(time_jump), []
+        for seconds in stamps:
+            try:
+                found.append("anew" if order.accept(round(seconds * SECOND)) else "next")
+            except MessageError as error:
+                found.append(error.reason)
+        return found
+
+    def test_increasing_stamps_follow(self):
+        assert self.reasons([5.0, 5.1, 5.1001, 6.1]) == ["anew", "next", "next", "next"]
+
+    def test_the_same_or_an_older_stamp_is_rejected(self):
+        assert self.reasons([5.0, 5.0, 4.5, 5.2]) == [
+            *("anew", "stamp_backwards", "stamp_backwards", "next"),
+        ]
+
+    @pytest.mark.parametrize("far", [-4.0, 100.0])
+    def test_one_stray_stamp_is_rejected(self, far):
+        assert self.reasons([5.0, 5.0 + far, 5.1, 5.2]) == ["anew", "stamp_jump", "next", "next"]
+
+    @pytest.mark.parametrize("far", [-4.0, 100.0])
+    def test_two_that_agree_begin_a_new_time(self, far):
+        stamps = [5.0, 5.0 + far, 5.1 + far, 5.2 + far]
+        assert self.reasons(stamps) == ["anew", "stamp_jump", "anew", "next"]
+
+    def test_strays_that_do_not_agree_stay_strays(self):
+        stamps = [5.0, 100.0, 50.0, 200.0, 5.1]
+        assert self.reasons(stamps) == ["anew", *["stamp_jump"] * 3, "next"]
+
+
+class TestPoseBuffer:
+    def test_interpolates_between_and_stands_still_outside(self):
+        buffer, out = PoseBuffer(), ColliderPoses.identity(2)
+        for i in range(4):
+            buffer.add(i * 100, poses(float(i * i)))
+        for stamp, x in ((-50, 0.0), (0, 0.0), (50, 0.5), (150, 2.5), (200, 4.0), (999, 9.0)):
+            buffer.at(stamp, out)
+            assert out.position[0, 0] == pytest.approx(x)
+
+    def test_forgets_what_no_later_time_needs(self):
+        buffer, out = PoseBuffer(), ColliderPoses.identity(2)
+        for i in range(10):
+            buffer.add(i * 100, poses(float(i)))
+        buffer.forget_before(450)
+        assert len(buffer) == 6
+        buffer.at(450, out)
+        assert out.position[0, 0] == pytest.approx(4.5)
+
+
+class TestJointChannels:
+    @staticmethod
+    def channels(mimic=(-1, -1, 0)):
+        count = len(mimic)
+        return JointChannels(
+            Dofs(
+                names=tuple("abcdef"[:count]),
+                joint=np.arange(count, dtype=np.int32),
+                kind=np.full(count, ROTATION, np.int8),
+                axis=np.tile([1.0, 0.0, 0.0], (count, 1)),
+                lower=np.full(count, -np.inf),
+                upper=np.full(count, np.inf),
+                mimic_source=np.array(mimic, dtype=np.int32),
+                mimic_multiplier=np.ones(count),
+                mimic_offset=np.zeros(count),
+            )
+        )
+
+    @staticmethod
+    def message(**values):
+        return StampedJoints(stamp=1, names=tuple(values), values=np.array([*values.values()]))
+
+    def take(self, channels, **values):
+        message = self.message(**values)
+        channels.check(message)
+        channels.take(message)
+
+    def test_order_and_parts(self):
+        channels = self.channels()
+        self.take(channels, b=2.0)
+        assert not channels.is_complete
+        assert channels.missing() == ["a"]  # c follows another
+        self.take(channels, b=3.0, a=1.0)
+        assert channels.is_complete
+        assert channels.values.tolist() == [1.0, 3.0, 0.0]
+
+    def test_unknown_names(self):
+        channels = self.channels()
+        self.take(channels, a=1.0, tail=5.0)
+        assert channels.unknown() == ["tail"]
+        with pytest.raises(MessageError) as error:
+            channels.check(self.message(tail=5.0))
+        assert error.value.reason == "name_unknown"
+
+    def test_a_name_twice(self):
+        message = StampedJoints(stamp=1, names=("a", "a"), values=np.zeros(2))
+        with pytest.raises(MessageError) as error:
+            self.channels().check(message)
+        assert error.value.reason == "name_duplicated"
+
+    def test_a_rejected_message_changes_nothing(self):
+        channels = self.channels()
+        self.take(channels, a=1.0, b=2.0)
+        for names in (("a", "a"), ("tail",)):
+            message = StampedJoints(stamp=1, names=names, values=np.full(len(names), 9.0))
+            with pytest.raises(MessageError):
+                channels.check(message)
+        self.take(channels, a=3.0, b=4.0)
+        assert channels.values.tolist() == [3.0, 4.0, 0.0]
+
+
+class TestClothStepper:
+    @pytest.fixture
+    def make(self, cloth):
+        """A stepper of a cloth pinned to a bone; `stepper.moves` are the poses it went through."""
+
+        def make(**options):
+            vertices, triangles = cloth.grid(3, 3)
+            garment = cloth.garment(vertices, triangles, pins=(0, 1, 2))
+            ball = Collider(
+                name="ball",
+                kind="sphere",
+                bone="bone",
+                position=[0.0, 0.0, -5.0],
+                geometry={"radius": 0.1},
+            )
+            simulation = Simulation((garment,), cloth.colliders(ball), solver_step=STEP / SECOND)
+            values = {"delay": 0.0, "catch_up": 0.1, "teleport_speed": 30.0, "time_jump": 1.0}
+            stepper = ClothStepper(simulation, **{**values, **options})
+            stepper.moves = []
+            advance, reset = simulation.advance, simulation.reset
+
+            def watched_advance(start, end, dt=None):
+                stepper.moves.append((start.position[0, 0], end.position[0, 0]))
+                advance(start, end, dt)
+
+            def watched_reset(found):
+                stepper.moves.append(("reset", found.position[0, 0]))
+                reset(found)
+
+            simulation.advance, simulation.reset = watched_advance, watched_reset
+            return stepper
+
+        return make
+
+    @staticmethod
+    def feed(stepper, stamp, x, arrival=None):
+        stepper.add(stamp, poses(x), stamp if arrival is None else arrival)
+
+    def test_steps_are_whole_and_the_rest_is_carried(self, make):
+        stepper = make()
+        self.feed(stepper, 0, 0.0)
+        assert stepper.advance(0)
+        for stamp in (7, 14, 21, 35, 36, 49):
+            self.feed(stepper, stamp * SECOND // 1000, stamp / 1000)
+            before = stepper.time
+            moved = stepper.advance(stamp * SECOND // 1000)
+            assert moved == (stepper.time > before)
+            assert stepper.time == stamp * SECOND // 1000 // STEP * STEP
+        # One unbroken motion, poses interpolated at every step.
+        expected = [(k / 100, (k + 1) / 100) for k in range(4)]
+        np.testing.assert_allclose(stepper.moves[1:], expected, atol=1e-12)
+
+    def test_target_is_even_and_never_beyond_the_input(self, make):
+        """10 Hz input, 100 Hz frames, jittering arrivals."""
+        stepper = make(delay=-1.0)
+        random = np.random.default_rng(0)
+        arrivals = {}
+        for i in range(100):
+            arrivals[i * SECOND // 10 + int(random.integers(0, SECOND // 100))] = i * SECOND // 10
+        pending = sorted(arrivals)
+        targets = []
+        for frame in range(900):
+            now = frame * SECOND // 100
+            while pending and pending[0] <= now:
+                arrival = pending.pop(0)
+                self.feed(stepper, arrivals[arrival], 0.0, arrival)
+                newest = arrivals[arrival]
+            if not stepper.has_poses:
+                continue
+            target = stepper.target(now)
+            assert target <= newest
+            if frame > 100:
+                targets.append(target)
+                assert newest - target <= 1.2 * SECOND // 10
+        steps = np.diff(targets) / SECOND * 100
+        assert 0.95 < steps.mean() < 1.05
+        assert np.abs(steps - 1.0).max() < 0.5
+
+    def test_delay_keeps_it_behind(self, make):
+        stepper = make(delay=0.2)
+        for i in range(50):
+            self.feed(stepper, i * STEP, 0.0)
+            assert stepper.target(i * STEP) == i * STEP - SECOND // 5
+
+    def test_too_much_at_once_is_passed_over(self, make):
+        stepper = make(catch_up=0.05)
+        self.feed(stepper, 0, 0.0)
+        stepper.advance(0)
+        for i in range(1, 51):
+            self.feed(stepper, i * STEP, i / 1000)
+        stepper.moves.clear()
+        stepper.advance(50 * STEP)
+        assert stepper.time == 50 * STEP
+        assert stepper.skipped == 45 * STEP
+        assert stepper.resets == 0
+        # The garments are carried to where the last steps begin.
+        expected = [(k / 1000, (k + 1) / 1000) for k in range(45, 50)]
+        np.testing.assert_allclose(stepper.moves, expected, atol=1e-12)
+
+    def test_without_a_limit_nothing_is_passed_over(self, make):
+        stepper = make(catch_up=0.05)
+        self.feed(stepper, 0, 0.0)
+        stepper.advance(0)
+        self.feed(stepper, 50 * STEP, 0.5)
+        stepper.advance(50 * STEP, in_time=False)
+        assert stepper.skipped == 0
+        assert stepper.steps == 50
+
+    def test_fast_is_no_jump_but_a_teleport_is(self, make):
+        stepper = make()
+        self.feed(stepper, 0, 0.0)
+        stepper.advance(0)
+        self.feed(stepper, STEP, 0.25)  # 25 m/s
+        stepper.advance(STEP)
+        assert stepper.resets == 0
+        self.feed(stepper, 2 * STEP, 0.75)  # 50 m/s
+        stepper.advance(2 * STEP)
+        assert stepper.resets == 1
+        assert stepper.moves[-1] == ("reset", 0.75)
+        assert stepper.time == 2 * STEP
+
+    @pytest.mark.parametrize("bad", [poses(0.0, 1), poses(0.0, 3)])
+    def test_poses_of_other_colliders_change_nothing(self, make, bad):
+        stepper = make()
+        self.feed(stepper, 0, 0.0)
+        with pytest.raises(MessageError) as error:
+            stepper.add(STEP, bad, STEP)
+        assert error.value.reason == "pose_count"
+        self.feed(stepper, STEP, 0.01)
+        stepper.advance(STEP)
+        assert stepper.resets == 0
+
+    def test_nothing_happens_without_poses(self, make):
+        stepper = make()
+        assert not stepper.has_poses
+        assert not stepper.advance(SECOND)
+        assert stepper.time is None

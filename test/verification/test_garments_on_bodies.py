@@ -1,0 +1,169 @@
+"""Garments on real bodies: made to fit, and settled on them without spikes."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from garment_sim_ros.body.kinematics import rest_transforms
+from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.skinning import skin_vertices
+from garment_sim_ros.colliders.capsules import fit_capsules
+from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.garment.generators import long_skirt, short_skirt, tshirt
+from garment_sim_ros.garment.measures import Measures
+from garment_sim_ros.garment.mesh import load_garment_mesh
+from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology, non_manifold_edges
+from garment_sim_ros.sim.simulation import Simulation
+
+PEOPLE = {
+    "woman": ("bodies", "mh_female_young.glb"),
+    "stylised man": ("bodies", "CesiumMan.glb"),
+    "androgynous": ("bodies", "makehuman", "base.obj"),
+}
+STICK_FIGURE = ("urdf", "human_1m65.urdf")
+
+
+@cache
+def loaded(path):
+    return load_body(path)
+
+
+def settled(body, garments, colliders):
+    """World positions of the garments at rest on the body's rest pose."""
+    positions = []
+    for garment in garments:
+        simulation = Simulation([garment], colliders)
+        simulation.reset(ColliderPoser(colliders, body).poses(rest_transforms(body.rig)))
+        positions.append(simulation.positions(garment.name).astype(np.float64))
+    return positions
+
+
+def strain(garment, x):
+    edges = mesh_topology(garment.triangles).edges
+    rest = np.linalg.norm(np.subtract(*garment.vertices[edges.T]), axis=1)
+    return np.linalg.norm(np.subtract(*x[edges.T]), axis=1) / rest - 1.0
+
+
+def skin_of(body):
+    x = skin_vertices(body.skin, rest_transforms(body.rig))
+    return MeshDistance(x, body.skin.triangles)
+
+
+@pytest.mark.parametrize("person", PEOPLE)
+@pytest.mark.parametrize(
+    ("make", "vertices", "triangles", "openings"),
+    [(short_skirt, 1687, 3264, 2), (long_skirt, 2235, 4338, 2), (tshirt, 1503, 2908, 4)],
+)
+def test_made_to_measure(data_file, person, make, vertices, triangles, openings):
+    body = loaded(data_file(*PEOPLE[person]))
+    garment = make(body)
+    assert len(garment.vertices) == vertices
+    assert len(garment.triangles) == pytest.approx(triangles, rel=0.011)
+    assert len(boundary_loops(garment.triangles)) == openings
+    assert not len(non_manifold_edges(garment.triangles))
+    assert skin_of(body).signed_distance(garment.vertices)[0].min() > 0.001
+    edges = mesh_topology(garment.triangles).edges
+    length = np.linalg.norm(np.subtract(*garment.vertices[edges.T]), axis=1)
+    assert 0.012 < np.median(length) < 0.03
+    assert length.max() < 2.0 * np.median(length)
+
+
+@pytest.mark.parametrize("person", PEOPLE)
+def test_settles_without_spikes(data_file, person):
+    body = loaded(data_file(*PEOPLE[person]))
+    colliders = fit_capsules(body)
+    garments = load_outfit("tshirt_short_skirt", body, colliders=colliders).garments
+    skin = skin_of(body)
+    for garment, x in zip(garments, settled(body, garments, colliders)):
+        assert np.isfinite(x).all()
+        stretch = strain(garment, x)
+        assert stretch.max() < 0.6
+        assert np.quantile(stretch, 0.95) < 0.15
+        gap = skin.signed_distance(x)[0]
+        assert np.quantile(gap, 0.01) > -0.002
+        assert np.median(gap) < 0.04
+        # It hangs where it was put, some lower.
+        assert np.median(np.linalg.norm(x - garment.vertices, axis=1)) < 0.05
+        assert x[:, 2].max() > garment.vertices[:, 2].max() - 0.04
+
+
+def test_stick_figure(data_file):
+    """Thin cylinders, arms hanging: made with raised arms, then worn on lowered ones."""
+    body = loaded(data_file(*STICK_FIGURE))
+    colliders = fit_capsules(body)
+    garments = load_outfit("tshirt_short_skirt", body, colliders=colliders).garments
+    assert [len(g.vertices) for g in garments] == [1687, 1503]
+    shirt = garments[1]
+    cuffs = sorted(boundary_loops(shirt.triangles), key=lambda c: abs(shirt.vertices[c, 1].mean()))
+    elbow = abs(Measures(body).joint("leftLowerArm")[1])
+    assert abs(shirt.vertices[cuffs[-1], 1]).mean() > elbow + 0.08
+    positions = settled(body, garments, colliders)
+    for garment, x in zip(garments, positions):
+        assert np.quantile(strain(garment, x), 0.95) < 0.3
+        assert x[:, 2].max() > garment.vertices[:, 2].max() - 0.12
+    # The sleeves hang beside the trunk again.
+    assert abs(positions[1][cuffs[-1], 1]).mean() < elbow + 0.09
+
+
+@pytest.mark.parametrize(
+    ("file", "loops", "edges"),
+    [
+        ("tshirt_female.obj", 4, 96),
+        ("trousers_female.obj", 3, 62),
+        ("skirt_long_female.obj", 2, 72),
+    ],
+)
+def test_real_meshes_load_and_refine(data_file, file, loops, edges):
+    path = data_file("garments", file)
+    plain = load_garment_mesh(path)
+    assert not plain.notes
+    found = boundary_loops(plain.triangles)
+    assert (len(found), sum(map(len, found))) == (loops, edges)
+    fine = load_garment_mesh(path, edge_length=0.022)
+    assert len(boundary_loops(fine.triangles)) == loops
+    assert np.array_equal(fine.vertices[: len(plain.vertices)], plain.vertices)
+    e = mesh_topology(fine.triangles).edges
+    assert np.linalg.norm(np.subtract(*fine.vertices[e.T]), axis=1).max() < 0.0294
+
+
+def test_faults_of_a_real_mesh_are_named(data_file):
+    mesh = load_garment_mesh(
+        data_file("garments", "source", "female_elegantsuit01.obj"), unit="dm"
+    )
+    notes = " ".join(mesh.notes)
+    assert "triangles were turned to agree with their neighbours" in notes
+    assert "2 separate parts" in notes
+
+
+def test_real_garments_are_worn(data_file, tmp_path):
+    body = loaded(data_file(*PEOPLE["woman"]))
+    colliders = fit_capsules(body)
+    names = ("skirt_short_female", "tshirt_female", "trousers_female")
+    lines = [
+        f"  - {{name: g{i}, mesh: {data_file('garments', n + '.obj')}}}"
+        for i, n in enumerate(names)
+    ]
+    file = tmp_path / "outfit.yaml"
+    file.write_text("version: 1\ngarments:\n" + "\n".join(lines))
+    outfit = load_outfit(file, body, colliders=colliders)
+    assert any("under the skin were put over it" in note for note in outfit.notes)
+    waist = Measures(body).waist
+    for garment, x in zip(outfit.garments, settled(body, outfit.garments, colliders)):
+        assert 0 < len(garment.pins) < 0.06 * len(garment.vertices)
+        height = garment.vertices[garment.pins, 2]
+        if garment.name == "g1":
+            assert height.min() > Measures(body).shoulders
+        else:
+            assert abs(height - waist).max() < 0.2
+        assert np.quantile(strain(garment, x), 0.95) < 0.25
+        assert skin_of(body).signed_distance(x)[0].min() > -0.01
+
+
+def test_static_body_has_no_place_for_garments(data_file):
+    body = loaded(data_file("bodies", "f_smpl_average_A40.obj"))
+    with pytest.raises(GeometryError, match="no bone"):
+        short_skirt(body)
