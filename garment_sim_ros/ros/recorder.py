@@ -4,6 +4,7 @@ import importlib
 import queue
 import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -37,6 +38,12 @@ _DEPTH = 1000  # arrived messages that may wait; the publishers' own depth is wh
 _FOREVER = QosTime(2147483647, 4294967295)
 
 
+@dataclass(frozen=True)
+class _Topic:
+    kind: str
+    offered: Qos
+
+
 def is_recorded(topic: str) -> bool:
     """Whether a topic, by its full name, belongs to an avatar."""
     parts = topic.split("/")
@@ -64,7 +71,10 @@ class Recorder:
         self._writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         self._types = get_typestore(Stores.ROS2_JAZZY)
-        self._queue: queue.SimpleQueue[tuple[Connection, int, bytes] | None] = queue.SimpleQueue()
+        # A topic's first entry carries what it was subscribed with instead of a message.
+        self._queue: queue.SimpleQueue[tuple[str, int, bytes | _Topic] | None] = (
+            queue.SimpleQueue()
+        )
         self._failure: BaseException | None = None
         self._name = name
 
@@ -109,12 +119,24 @@ class Recorder:
             self._failure = error
 
     def _write(self) -> None:
+        # Only this thread touches the writer: it is not made for two at once.
+        connections: dict[str, Connection] = {}
         while (item := self._queue.get()) is not None:
-            if self._failure is None:
-                try:
-                    self._writer.write(*item)
-                except BaseException as error:
-                    self._failure = error
+            if self._failure is not None:
+                continue
+            topic, stamp, data = item
+            try:
+                if isinstance(data, _Topic):
+                    connections[topic] = self._writer.add_connection(
+                        topic,
+                        data.kind,
+                        typestore=self._types,
+                        offered_qos_profiles=[data.offered],
+                    )
+                else:
+                    self._writer.write(connections[topic], stamp, data)
+            except BaseException as error:
+                self._failure = error
 
     def _discover(self) -> None:
         for topic, types in self._node.get_topic_names_and_types():
@@ -134,14 +156,12 @@ class Recorder:
             reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
         )
-        connection = self._writer.add_connection(
-            topic, kind, typestore=self._types, offered_qos_profiles=[_offered(profile)]
-        )
+        self._queue.put((topic, 0, _Topic(kind, _offered(profile))))
         is_cloth = topic.endswith("/points")
 
         def arrived(data: Any, info: dict[str, int]) -> None:
             # When the middleware got it: this thread may come to it later.
-            self._queue.put((connection, info["received_timestamp"] or time.time_ns(), data))
+            self._queue.put((topic, info["received_timestamp"] or time.time_ns(), data))
             self.counts[topic] += 1
             if is_cloth:
                 self.first_cloth.set()

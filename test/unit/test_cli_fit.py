@@ -57,10 +57,8 @@ def test_hulls_leave_no_skin_outside_and_are_reported_one_by_one(tmp_path, capsy
 def test_hull_options_out_of_range_are_usage_errors(tmp_path, capsys, words):
     out = tmp_path / "h.json"
     arguments = ["fit", "mannequin", "--method", "hull", "--out", str(out), *words]
-    try:
-        assert cli.main(arguments) == 2
-    except SystemExit as stopped:
-        assert stopped.code == 2
+    with pytest.raises(SystemExit, match="2"):
+        sys.exit(cli.main(arguments))
     assert "allowed" in (told := capsys.readouterr().err) or "invalid" in told
     assert not out.exists()
 
