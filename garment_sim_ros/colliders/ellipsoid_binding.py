@@ -56,7 +56,7 @@ class EllipsoidBinding:
         motion = (T_world_joint @ self._skin.T_bone_bind)[self._bone]
         R = motion[:, :3, :3]
         centre = np.einsum("kij,kj->ki", R, self._centre) + motion[:, :3, 3]
-        return PosedEllipsoids(centre, R @ self._axes, self._radii)
+        return PosedEllipsoids(centre, R @ self._axes, self._radii.copy())
 
     def refitted(
         self, T_world_joint: FloatArray, x_world: FloatArray | None = None

@@ -25,6 +25,17 @@ def test_rest_pose_holds_the_skin_where_it_was_fitted():
     assert 0 < len(binding.at_joint) < 40
 
 
+def test_refitting_leaves_the_binding_as_it_was():
+    body = load_body("mannequin:vertices=1500")
+    binding = EllipsoidBinding(ellipsoids_around(body, max_ellipsoids=30), body)
+    T = rest_transforms(body.rig)
+    before = binding.static(T)
+    refitted = binding.refitted(T, 1.5 * body.skin.vertices)
+    after = binding.static(T)
+    assert not np.array_equal(refitted.radii, before.radii)
+    assert np.array_equal(after.radii, before.radii)
+
+
 def test_distance_outside_of_a_sphere():
     ball = PosedEllipsoids(np.zeros((1, 3)), np.eye(3)[None], np.ones((1, 3)))
     points = np.array([[0.0, 0, 0], [0.5, 0, 0], [0, 3.0, 0]])
