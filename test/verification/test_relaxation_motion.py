@@ -61,7 +61,8 @@ def test_terminal_speed_under_drag_and_damping(cloth):
     assert simulation.state("cloth").v.mean(axis=0) == pytest.approx(expected, rel=1e-3, abs=1e-4)
 
 
-def test_pendulum_period(cloth):
+@pytest.mark.parametrize(("dt", "sweeps"), [(1 / 480, 50), (1 / 1920, 5), (1 / 1920, 200)])
+def test_pendulum_period(cloth, dt, sweeps):
     """A rigid triangle that hangs by one corner: two masses at the distance of its height."""
     height, angle = 0.5, 0.3
     corners = np.array([[0.0, 0.0, 0.0], [0.0, -0.05, -height], [0.0, 0.05, -height]])
@@ -69,11 +70,10 @@ def test_pendulum_period(cloth):
         [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
     )
     garment = cloth.garment(corners @ turn.T, [[0, 1, 2]], pins=[0])
-    dt = 1 / 480
     simulation = Simulation(
         (garment,),
         cloth.colliders(),
-        settings=RelaxationSettings(sweeps=50),
+        settings=RelaxationSettings(sweeps=sweeps),
         solver_step=dt,
     )
     side = []
@@ -86,7 +86,7 @@ def test_pendulum_period(cloth):
     period = 2 * np.diff(times).mean()
     expected = 2 * np.pi * np.sqrt(height / G) * (1 + angle**2 / 16)
     assert period == pytest.approx(expected, rel=3e-3)
-    swing = np.abs(side).reshape(-1, 960).max(axis=1)
+    swing = np.abs(side).reshape(2, -1).max(axis=1)
     assert (np.diff(swing) < 1e-4).all()
 
 

@@ -2,11 +2,22 @@
 
 import numpy as np
 
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.geometry.jit import exact_kernel, kernel
 
 _ONE = np.uint64(1)
 _TWO = np.uint64(2)
 _THREE = np.uint64(3)
+
+
+@exact_kernel()
+def _excess(rest, squared):
+    """Excess length over length, exactly 0 for a spring at rest.
+
+    An approximate root leaves an excess of some 1e-7 for ever. It moves ends along the axes where
+    their coordinates are small, is rounded away along the others, and so turns the cloth: with
+    many sweeps in a small step, a pendulum swings too fast.
+    """
+    return np.float32(1.0) - rest / np.sqrt(squared)
 
 
 @kernel()
@@ -35,8 +46,7 @@ def correct_springs(x, particles, rest_length, share, sweeps):
             dy = iy - jy
             dz = iz - jz
             # 1e-20 m^2 keeps the quotient finite where two particles coincide.
-            length = np.sqrt(dx * dx + dy * dy + dz * dz + np.float32(1e-20))
-            excess = np.float32(1.0) - rest_length[s] / length
+            excess = _excess(rest_length[s], dx * dx + dy * dy + dz * dz + np.float32(1e-20))
             a = share[s] * excess
             b = excess - a
             x[i] = ix - a * dx
