@@ -7,15 +7,14 @@ degrees below the horizontal, feet on z = 0 about a hip's breadth apart.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.body.mannequin_figure import figure
-from garment_sim_ros.body.mannequin_mesh import symmetric_mesh
-from garment_sim_ros.body.mannequin_weights import skin_weights
 from garment_sim_ros.body.rig import Dofs, Rig
 from garment_sim_ros.body.skin import Body, Skin
+from garment_sim_ros.geometry.disk_cache import cached_arrays, code_digest
 from garment_sim_ros.params import parameter, validated
 
 FloatArray = NDArray[np.float64]
@@ -82,29 +81,61 @@ def _edge_length(x: FloatArray, joints: dict[str, FloatArray], unit: float) -> F
     return length
 
 
-def _rig(left: dict[str, FloatArray]) -> Rig:
-    """The rig with identity rest rotations, from the joint centres of the middle and left [m]."""
-    centre: dict[str, FloatArray] = {}
+def _bones() -> dict[str, str]:
+    """Parent of each bone, of both sides."""
     parent: dict[str, str] = {}
     for bone, above in _PARENTS.items():
-        for side in ("",) if bone in left else ("left", "right"):
-            mirror = [1.0, -1.0 if side == "right" else 1.0, 1.0]
-            centre[side + bone] = left[bone if bone in left else "left" + bone] * mirror
-            parent[side + bone] = above if above in centre else side + above
-    names = tuple(centre)
-    T = np.tile(np.eye(4), (len(names), 1, 1))
-    for i, name in enumerate(names):
-        T[i, :3, 3] = centre[name] - centre.get(parent[name], np.zeros(3))
-    return Rig(
-        joint_names=names,
-        parent=np.array([names.index(parent[n]) if parent[n] else -1 for n in names], np.int32),
-        T_parent_joint=T,
-        dofs=Dofs.none(),
-    )
+        for side in ("left", "right") if bone[0].isupper() else ("",):
+            parent[side + bone] = side + above if above[:1].isupper() else above
+    return parent
+
+
+def _rest(left: dict[str, FloatArray]) -> FloatArray:
+    """Rest transforms without rotation, from joint centres of the middle and left [m]."""
+    bones = _bones()
+    centre = {
+        bone: left[bone.replace("right", "left")] * [1.0, -1.0 if "right" in bone else 1.0, 1.0]
+        for bone in bones
+    }
+    T = np.tile(np.eye(4), (len(bones), 1, 1))
+    for i, (bone, above) in enumerate(bones.items()):
+        T[i, :3, 3] = centre[bone] - (centre[above] if above else 0.0)
+    return T
 
 
 @lru_cache(maxsize=8)
 def _mannequin(options: MannequinOptions) -> Body:
+    made = cached_arrays(
+        "bodies", f"{options} {code_digest('body', 'geometry')}", lambda: _grown(options)
+    )
+    bones = _bones()
+    names = tuple(bones)
+    return Body(
+        name="mannequin",
+        rig=Rig(
+            joint_names=names,
+            parent=np.array([names.index(a) if a else -1 for a in bones.values()], np.int32),
+            T_parent_joint=made["T_parent_joint"],
+            dofs=Dofs.none(),
+        ),
+        skin=Skin(
+            vertices=made["vertices"],
+            triangles=made["triangles"],
+            bone=made["bone"],
+            weight=made["weight"],
+            T_bone_bind=made["T_bone_bind"],
+        ),
+        humanoid={name: name for name in names},
+    )
+
+
+def _grown(options: MannequinOptions) -> dict[str, NDArray[Any]]:
+    """The arrays of rig and skin."""
+    # Only where no such mannequin was made before: what it takes is slow to import, too.
+    from garment_sim_ros.body.mannequin_figure import figure
+    from garment_sim_ros.body.mannequin_mesh import symmetric_mesh
+    from garment_sim_ros.body.mannequin_weights import skin_weights
+
     shape = figure(options.height, options.sex, options.build)
     skin = shape.surface
     unit = options.height / 1.7
@@ -125,20 +156,24 @@ def _mannequin(options: MannequinOptions) -> Body:
     low, high = x[:, 2].min(), x[:, 2].max()
     scale = options.height / (high - low)
     x = (x - [0.0, 0.0, low]) * scale
-    rig = _rig({name: (place - [0.0, 0.0, low]) * scale for name, place in shape.joints.items()})
-    T_bone_bind = np.tile(np.eye(4), (len(rig), 1, 1))
-    for i, above in enumerate(rig.parent):
-        T_bone_bind[i, :3, 3] = -rig.T_parent_joint[i, :3, 3]
-        if above >= 0:
-            T_bone_bind[i, :3, 3] += T_bone_bind[above, :3, 3]
+    T_parent_joint = _rest(
+        {name: (place - [0.0, 0.0, low]) * scale for name, place in shape.joints.items()}
+    )
+    bones = list(_bones().items())
+    T_bone_bind = np.tile(np.eye(4), (len(bones), 1, 1))
+    index = {bone: i for i, (bone, _) in enumerate(bones)}
+    for i, (_, above) in enumerate(bones):
+        T_bone_bind[i, :3, 3] = -T_parent_joint[i, :3, 3]
+        if above:
+            T_bone_bind[i, :3, 3] += T_bone_bind[index[above], :3, 3]
     bone, weight = skin_weights(
-        x, rig.joint_names, -T_bone_bind[:, :3, 3], scale * lead, options.height
+        x, tuple(index), -T_bone_bind[:, :3, 3], scale * lead, options.height
     )
-    return Body(
-        name="mannequin",
-        rig=rig,
-        skin=Skin(
-            vertices=x, triangles=triangles, bone=bone, weight=weight, T_bone_bind=T_bone_bind
-        ),
-        humanoid={name: name for name in rig.joint_names},
-    )
+    return {
+        "vertices": x,
+        "triangles": triangles,
+        "bone": bone,
+        "weight": weight,
+        "T_parent_joint": T_parent_joint,
+        "T_bone_bind": T_bone_bind,
+    }

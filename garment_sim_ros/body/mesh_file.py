@@ -1,15 +1,20 @@
 """Triangle meshes from files, by trimesh's readers, whatever the file holds."""
 
+from __future__ import annotations
+
 import io
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
 from garment_sim_ros.body.input_file import read_bytes
 from garment_sim_ros.errors import InputFileError
+
+if TYPE_CHECKING:
+    import trimesh
 
 MESH_TYPES = (".stl", ".obj", ".ply", ".dae")
 """File types read; .dae needs the package pycollada."""
@@ -21,6 +26,8 @@ def read_mesh(path: str | Path) -> trimesh.Trimesh:
     Raises:
         InputFileError: Missing, of another type, damaged, without triangles, not finite.
     """
+    import trimesh  # takes most of a second, which bodies without such files need not wait
+
     suffix = Path(path).suffix.lower()
     if suffix not in MESH_TYPES:
         raise InputFileError(

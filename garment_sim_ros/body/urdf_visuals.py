@@ -1,13 +1,15 @@
 """The visual geometry of a URDF as a rigid skin: every vertex moves with one link."""
 
+from __future__ import annotations
+
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlparse
 from xml.etree.ElementTree import Element
 
 import numpy as np
 import scipy.sparse as sp
-import trimesh
 from numpy.typing import NDArray
 
 from garment_sim_ros.body.mesh_file import read_mesh
@@ -17,6 +19,9 @@ from garment_sim_ros.body.urdf_xml import numbers, origin_transform
 from garment_sim_ros.body.welding import weld
 from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.geometry.transforms import invert_transform, transform_points
+
+if TYPE_CHECKING:
+    import trimesh
 
 FloatArray = NDArray[np.float64]
 
@@ -151,6 +156,8 @@ def _parts(
 
 
 def _triangulated(shape: Element, finder: MeshFinder) -> trimesh.Trimesh:
+    import trimesh  # takes most of a second, which URDFs without geometry need not wait
+
     def size(key: str, count: int = 1) -> FloatArray:
         value = numbers(shape, key, "", count, finder.source)
         if not ((value > 0.0) & (value <= MAX_SIZE)).all():
@@ -184,6 +191,8 @@ def _triangulated(shape: Element, finder: MeshFinder) -> trimesh.Trimesh:
 
 def _even(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """The same shape with vertices all over it, which fitting colliders needs."""
+    import trimesh
+
     vertices, faces = trimesh.remesh.subdivide_to_size(
         mesh.vertices, mesh.faces, max_edge=mesh.extents.max() / 6.0
     )[:2]
