@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.garment.dressing import dressed
@@ -14,7 +15,7 @@ from garment_sim_ros.garment.materials import PRESETS
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
 from garment_sim_ros.garment.skirt import skirt
-from garment_sim_ros.garment.tshirt import tshirt as tshirt_mesh
+from garment_sim_ros.geometry.disk_cache import array_digest, cached_arrays, code_digest
 from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.params import parameter, validated
 
@@ -78,7 +79,22 @@ def _long_skirt(measures: Measures, o: LongSkirtOptions) -> tuple[GarmentMesh, M
 
 def _tshirt(measures: Measures, o: TShirtOptions) -> tuple[GarmentMesh, Measures]:
     measures = measures.with_arms_away(_LEAST_ARM_ANGLE, _ARM_ANGLE)
-    return tshirt_mesh(measures, vertices=o.vertices), measures
+    body, skin = measures.body, measures.body.skin
+    arrays = (measures.vertices, measures.T_world_joint, skin.triangles, skin.bone, skin.weight)
+    key = (
+        f"tshirt {o} {body.name} {sorted(body.humanoid.items())} {body.rig.joint_names} "
+        f"{array_digest(*arrays)} {code_digest('body', 'garment', 'geometry')}"
+    )
+
+    def make() -> dict[str, NDArray[Any]]:
+        # Only where no such shirt was made before: what it takes is slow to import, too.
+        from garment_sim_ros.garment.tshirt import tshirt
+
+        mesh = tshirt(measures, vertices=o.vertices)
+        return {"vertices": mesh.vertices, "triangles": mesh.triangles}
+
+    made = cached_arrays("garments", key, make)
+    return GarmentMesh(vertices=made["vertices"], triangles=made["triangles"]), measures
 
 
 GENERATORS: Mapping[str, Generator] = MappingProxyType(

@@ -39,6 +39,15 @@ def code_digest(*folders: str) -> str:
     return digest.hexdigest()
 
 
+def array_digest(*arrays: NDArray[Any]) -> str:
+    """A digest of arrays' types, shapes and values."""
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(f"{array.dtype} {array.shape} ".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
 def cached_arrays(folder: str, key: str, make: Callable[[], Arrays]) -> dict[str, NDArray[Any]]:
     """What `make` returns, from the cache where it was made before.
 
