@@ -135,6 +135,9 @@ class ClothStepper:
             return False
         if self._starts_anew or self.time is None:
             self._put_on(*self._buffer.newest)
+            if in_time:
+                # Settling took a while, in which no messages were taken.
+                self._order.excuse_gap()
             return True
         steps = (until - self.time) // self._step
         if steps <= 0:

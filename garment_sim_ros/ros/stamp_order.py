@@ -24,6 +24,11 @@ class StampOrder:
         self.newest: int | None = None
         self._limit = round(time_jump * _SECOND)
         self._elsewhere: int | None = None
+        self._was_away = False
+
+    def excuse_gap(self) -> None:
+        """Take the next later stamp however far it is: its receiver was away, not its sender."""
+        self._was_away = True
 
     def accept(self, stamp: int) -> bool:
         """Take a stamp [ns].
@@ -35,11 +40,12 @@ class StampOrder:
             MessageError: It is not newer than the last one, or far from it for the first time.
         """
         before, self._elsewhere = self._elsewhere, None
+        was_away, self._was_away = self._was_away, False
         if self.newest is None:
             self.newest = stamp
             return True
         step = stamp - self.newest
-        if 0 < step <= self._limit:
+        if 0 < step <= self._limit or (was_away and step > 0):
             self.newest = stamp
             return False
         if -self._limit <= step <= 0:

@@ -246,6 +246,24 @@ class TestClothStepper:
         assert stepper.skipped == 0
         assert stepper.steps == 50
 
+    def test_what_came_while_garments_were_put_on_is_no_jump(self, make):
+        stepper = make(catch_up=0.05)
+        self.feed(stepper, 0, 0.0)
+        stepper.advance(0)
+        self.feed(stepper, 3 * SECOND, 0.1)  # all that the queue kept
+        stepper.advance(3 * SECOND)
+        assert stepper.resets == 0
+        assert stepper.time == 3 * SECOND
+        with pytest.raises(MessageError, match="stamp_jump"):
+            self.feed(stepper, 6 * SECOND, 0.1)
+
+    def test_with_every_message_kept_a_jump_is_one_from_the_start(self, make):
+        stepper = make()
+        self.feed(stepper, 0, 0.0)
+        stepper.advance(0, in_time=False)
+        with pytest.raises(MessageError, match="stamp_jump"):
+            self.feed(stepper, 3 * SECOND, 0.1)
+
     def test_fast_is_no_jump_but_a_teleport_is(self, make):
         stepper = make()
         self.feed(stepper, 0, 0.0)
