@@ -2,7 +2,7 @@
 
     python bench/dressed.py [--seconds 4] [--sub-steps 4 8 20] [--json]
 
-The mannequin walks in its capsules at 60 frames a second; garments of 1,503 and 1,687 vertices,
+The mannequin walks at 60 frames a second; garments of 1,503 and 1,687 vertices,
 cotton jersey. Cost is processor time per frame of one thread, all contacts included. Stretch is
 the excess length of mesh edges, speed the RMS after 2 s of standing still.
 """
@@ -16,7 +16,7 @@ import numpy as np
 
 from garment_sim_ros.body.loaders import load_body
 from garment_sim_ros.body.retargeting import Retargeter
-from garment_sim_ros.colliders.capsules import fit_capsules
+from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.geometry.topology import mesh_topology
@@ -37,7 +37,7 @@ def main() -> None:
     options = parser.parse_args()
 
     body = load_body("mannequin")
-    colliders = fit_capsules(body)
+    colliders = fit_colliders(body)
     garments = load_outfit("tshirt_short_skirt", body, colliders=colliders).garments
     clip = load_clip("walk")
     retargeter = Retargeter(clip.rig, body)

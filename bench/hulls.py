@@ -30,7 +30,7 @@ from garment_sim_ros.colliders.fatness import Union, fatness
 from garment_sim_ros.colliders.hull import Hull, clearance, convex_hull, inflate_vertices
 from garment_sim_ros.colliders.hull_placement import QUADRIC, VOLUME
 from garment_sim_ros.colliders.hull_simplify import Simplification, simplify_hull
-from garment_sim_ros.colliders.hulls import HullSettings, fit_hulls
+from garment_sim_ros.colliders.hulls import fit_hulls
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.regions import vertex_areas
 from garment_sim_ros.errors import GarmentSimError
@@ -45,6 +45,7 @@ from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import invert_transform
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import sample
+from garment_sim_ros.params import HullSettings
 
 BODIES = (
     "mannequin",

@@ -254,8 +254,70 @@ class MocapPlayerParameters:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class ColliderNodeParameters:
-    """Parameters of the node `collider_node`."""
+class HullSettings:
+    """How to fit hulls; other methods take `delta` only."""
+
+    delta: float = parameter(
+        0.003, "Inflation of all shapes.", unit="m", minimum=0.0, maximum=0.05
+    )
+    max_faces: int = parameter(
+        80, "Triangles that a hull is simplified to, where that fits.", minimum=4, maximum=100000
+    )
+    reach: float = parameter(
+        3.0, "Farthest that a simplified hull reaches out, in deltas.", minimum=1.0, maximum=100.0
+    )
+    placement: str = parameter(
+        "quadric",
+        "Where simplified corners go: near the inflated hull, or as tight as allowed.",
+        choices=("quadric", "volume"),
+    )
+    inflation: str = parameter(
+        "vertices",
+        "What moves out by delta: corners, as in the paper, or faces, which then get all of it.",
+        choices=("vertices", "planes"),
+    )
+    merge: float = parameter(
+        0.0,
+        "A region with a smaller share of the skin joins the next one.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    split: float = parameter(
+        0.005,
+        "A region is cut in two where that saves this share of all hulls' volume; 1 for never.",
+        minimum=1e-4,
+        maximum=1.0,
+    )
+    joints: str = parameter(
+        "auto",
+        "Colliders at joints: spheres where they fit and half-turning hulls elsewhere, spheres "
+        "that contain all that bends (the paper's), or none.",
+        choices=("auto", "spheres", "none"),
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _ColliderKind:
+    """The first of `ColliderOptions`."""
+
+    method: str = parameter(
+        "hulls",
+        "Kind of colliders.",
+        choices=("hulls", "capsules", "ellipsoids", "spheres"),
+    )
+    thickness: float = parameter(
+        0.002, "Distance that cloth keeps on top.", unit="m", minimum=0.0, maximum=0.1
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ColliderOptions(HullSettings, _ColliderKind):
+    """Which colliders a body gets."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Avatar:
+    """The first of `ColliderNodeParameters`."""
 
     body: str = parameter(
         "mannequin", "The avatar's body file, or 'mannequin'; empty: robot_description is it."
@@ -264,16 +326,18 @@ class ColliderNodeParameters:
         "", "YAML file: humanoid bone to joint of robot_description, where names do not tell."
     )
     colliders: str = parameter("", "File that `fit` wrote; empty: fitted at the start.")
+    cache: bool = parameter(
+        True, "Keep fits beside the body, or in the user's cache folder, and use them again."
+    )
     outfit: str = parameter(
         "", "Outfit file whose collider options hold; empty: those that follow."
     )
-    method: str = parameter("capsules", "Kind of colliders.", choices=("capsules", "spheres"))
-    delta: float = parameter(
-        0.0, "Inflation of the colliders.", unit="m", minimum=0.0, maximum=0.1
-    )
-    thickness: float = parameter(
-        0.002, "Distance that cloth keeps on top.", unit="m", minimum=0.0, maximum=0.1
-    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ColliderNodeParameters(ColliderOptions, _Avatar):
+    """Parameters of the node `collider_node`."""
+
     marker_rate: float = parameter(
         10.0, "Most collider_markers per second; 0: none.", unit="Hz", minimum=0.0, maximum=120.0
     )

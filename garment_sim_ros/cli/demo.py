@@ -66,7 +66,7 @@ def _record(args: argparse.Namespace, stage: Path, began: float) -> float:
     os.environ.update(own_network())
     with NodeProcesses(stage / "logs") as nodes:
         nodes.start("cloth_node", {"body": args.body, "outfit": args.outfit, "rate": RATE})
-        nodes.start("collider_node", {"body": args.body})
+        nodes.start("collider_node", {"body": args.body, "outfit": args.outfit})
         nodes.start("mocap_player", {"clip": args.clip, "loop": True})
         try:
             # Only now, so that the nodes start while this loads.

@@ -23,18 +23,18 @@ from garment_sim_ros.colliders.ellipsoids import (
 )
 from garment_sim_ros.colliders.fit_report import fit_report
 from garment_sim_ros.colliders.hull_report import hull_report
-from garment_sim_ros.colliders.hulls import HullSettings, fit_hulls
+from garment_sim_ros.colliders.hulls import fit_hulls
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.segmentation import REGIONS
 from garment_sim_ros.colliders.surfaces import surface
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
-from garment_sim_ros.params import declarations, validated
+from garment_sim_ros.params import HullSettings, declarations, validated
 from garment_sim_ros.tradeoff.previews import Figure, Look, moments
 from garment_sim_ros.tradeoff.render import Camera, Surface, render
 
-EXAMPLE = "garment-sim fit avatar.glb --method capsule --out colliders.json"
+EXAMPLE = "garment-sim fit avatar.glb --out colliders.json --preview colliders.png"
 
 METHODS = ("capsule", "sphere", "ellipsoid", "hull")
 
@@ -42,7 +42,7 @@ METHODS = ("capsule", "sphere", "ellipsoid", "hull")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("body", metavar="BODY", help="body file, or mannequin")
-    parser.add_argument("--method", choices=METHODS, default="capsule", help="kind of collider")
+    parser.add_argument("--method", choices=METHODS, default="hull", help="kind of collider")
     group = parser.add_argument_group("of the method hull")
     for name, declared in declarations(HullSettings).items():
         group.add_argument(

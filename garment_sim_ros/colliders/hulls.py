@@ -40,7 +40,7 @@ from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.obb import oriented_box
 from garment_sim_ros.geometry.shapes import Collider, ColliderSet
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
-from garment_sim_ros.params import parameter, validated
+from garment_sim_ros.params import HullSettings, declarations, validated
 
 FloatArray = NDArray[np.float64]
 
@@ -50,49 +50,6 @@ _ROUNDING = 1e-9
 """Share by which an un-inflated hull grows."""
 _NO_THINNER = 1e-3
 """Radius that a capsule in the place of a flat region has at least [m]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class HullSettings:
-    """How to fit hulls."""
-
-    delta: float = parameter(
-        0.003, "Inflation of all hulls and spheres.", unit="m", minimum=0.0, maximum=0.05
-    )
-    max_faces: int = parameter(
-        80, "Triangles that a hull is simplified to, where that fits.", minimum=4, maximum=100000
-    )
-    reach: float = parameter(
-        3.0, "Farthest that a simplified hull reaches out, in deltas.", minimum=1.0, maximum=100.0
-    )
-    placement: str = parameter(
-        "quadric",
-        "Where simplified corners go: near the inflated hull, or as tight as allowed.",
-        choices=("quadric", "volume"),
-    )
-    inflation: str = parameter(
-        "vertices",
-        "What moves out by delta: corners, as in the paper, or faces, which then get all of it.",
-        choices=("vertices", "planes"),
-    )
-    merge: float = parameter(
-        0.0,
-        "A region with a smaller share of the skin joins the next one.",
-        minimum=0.0,
-        maximum=1.0,
-    )
-    split: float = parameter(
-        0.005,
-        "A region is cut in two where that saves this share of all hulls' volume; 1 for never.",
-        minimum=1e-4,
-        maximum=1.0,
-    )
-    joints: str = parameter(
-        "auto",
-        "Colliders at joints: spheres where they fit and half-turning hulls elsewhere, spheres "
-        "that contain all that bends (the paper's), or none.",
-        choices=("auto", "spheres", "none"),
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +103,10 @@ def fit_hulls(
         ParameterError: A setting out of range.
         GeometryError: The skin has no triangles.
     """
-    settings = validated(HullSettings, vars(settings or HullSettings()))
+    given = settings or HullSettings()
+    settings = validated(
+        HullSettings, {name: getattr(given, name) for name in declarations(HullSettings)}
+    )
     if len(body.skin.triangles) == 0:
         raise GeometryError(f"body {body.name!r} has no triangles to fit hulls to")
     regions = skin_regions(body, merge=settings.merge)

@@ -10,8 +10,9 @@ from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.generators import GENERATORS
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import load_garment_mesh
-from garment_sim_ros.garment.outfit_file import ColliderOptions, GarmentEntry, read_outfit
+from garment_sim_ros.garment.outfit_file import GarmentEntry, read_outfit
 from garment_sim_ros.geometry.shapes import ColliderSet
+from garment_sim_ros.params import ColliderOptions
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ from garment_sim_ros.garment.dressing import AUTOMATIC, NONE, Attachment
 from garment_sim_ros.garment.generators import GENERATORS
 from garment_sim_ros.garment.materials import material_from
 from garment_sim_ros.garment.mesh import UNITS, UP_AXES
-from garment_sim_ros.params import Material, parameter, validated
+from garment_sim_ros.params import ColliderOptions, Material, parameter, validated
 
 DEFAULT_OUTFIT = "tshirt_short_skirt"
 MAX_FILE_BYTES = 2**20
@@ -38,17 +38,6 @@ class MeshOptions:
     up: str = parameter("y", "Up axis of the file.", choices=UP_AXES)
     edge_length: float = parameter(
         0.022, "Longer edges are halved to about this.", unit="m", minimum=1e-5, maximum=100.0
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class ColliderOptions:
-    """Which colliders an outfit asks for."""
-
-    method: str = parameter("capsules", "Kind of colliders.", choices=("capsules", "spheres"))
-    delta: float = parameter(0.0, "Inflation of all shapes.", unit="m", minimum=0.0, maximum=0.1)
-    thickness: float = parameter(
-        0.002, "Distance kept on top of the fabric's.", unit="m", minimum=0.0, maximum=0.1
     )
 
 

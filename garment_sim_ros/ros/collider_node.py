@@ -14,15 +14,16 @@ from garment_sim_ros.body.loaders import load_body
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.body.urdf import body_from_urdf, parse_urdf
-from garment_sim_ros.colliders.capsules import fit_capsules, fit_spheres
 from garment_sim_ros.colliders.description import load_colliders, to_json
+from garment_sim_ros.colliders.fit_cache import cached_fit
+from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.errors import GarmentSimError, MessageError
 from garment_sim_ros.garment.outfit_file import read_outfit
 from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix
 from garment_sim_ros.mocap.source_urdf import reference_from_urdf
-from garment_sim_ros.params import ColliderNodeParameters
+from garment_sim_ros.params import ColliderNodeParameters, ColliderOptions, declarations
 from garment_sim_ros.ros.conversions import JointStates, text_from
 from garment_sim_ros.ros.diagnostics import Condition
 from garment_sim_ros.ros.interfaces import (
@@ -44,7 +45,6 @@ from garment_sim_ros.ros.ticker import SECOND
 FloatArray = NDArray[np.float64]
 
 _DESCRIPTION = "robot_description"
-_FITS = {"capsules": fit_capsules, "spheres": fit_spheres}
 _SHOWN = 5
 
 
@@ -142,8 +142,13 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         p = self.parameters
         if p.colliders:
             return load_colliders(p.colliders)
-        options = read_outfit(p.outfit).colliders if p.outfit else p
-        return _FITS[options.method](body, delta=options.delta, thickness=options.thickness)
+        if p.outfit:
+            options = read_outfit(p.outfit).colliders
+        else:
+            options = ColliderOptions(**{n: getattr(p, n) for n in declarations(ColliderOptions)})
+        if not p.cache:
+            return fit_colliders(body, options)
+        return cached_fit(body, options, p.body or None, self.get_logger().info)
 
     def _take_description(self, data: bytes) -> None:
         text = text_from(data)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -128,7 +129,13 @@ def test_unusable_input_is_named_and_ends_the_demo(tmp_path, option, name, conte
 )
 def test_demo_on_real_bodies_and_clips(tmp_path, data_file, body, clip):
     words = [*COMMAND, "--out", str(tmp_path / "out"), "--seconds", "4", "--json"]
-    words += ["--body", str(data_file("bodies", body)), "--clip", str(data_file("mocap", clip))]
+    # A copy: the fit is kept beside the body.
+    words += [
+        "--body",
+        str(shutil.copy(data_file("bodies", body), tmp_path)),
+        "--clip",
+        str(data_file("mocap", clip)),
+    ]
     done = subprocess.run(words, capture_output=True, text=True, check=False, env=os.environ)
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout.splitlines()[-1])

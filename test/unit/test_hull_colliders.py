@@ -13,11 +13,12 @@ from garment_sim_ros.body.skin import Body, Skin
 from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.colliders.description import from_json, to_json
 from garment_sim_ros.colliders.hull import Hull
-from garment_sim_ros.colliders.hulls import HullSettings, fit_hulls
+from garment_sim_ros.colliders.hulls import fit_hulls
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.regions import region_surface, skin_regions, vertex_areas
 from garment_sim_ros.errors import GeometryError, ParameterError
 from garment_sim_ros.geometry.transforms import invert_transform, matrix_from_quaternion
+from garment_sim_ros.params import HullSettings
 
 
 def union_height(colliders, poses, points):

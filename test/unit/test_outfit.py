@@ -74,7 +74,7 @@ def test_options_material_and_attachments(tmp_path, body):
         ("version: 1\ngarments: 7", "garments: found 7"),
         ("version: 1", "garments: found None"),
         (SKIRT + "colour: red", "unknown key 'colour'; allowed: version, garments, colliders"),
-        (SKIRT + "colliders: {method: boxes}", "method: found 'boxes'; allowed: capsules"),
+        (SKIRT + "colliders: {method: boxes}", "method: found 'boxes'; allowed: hulls, capsules"),
         (SKIRT + "colliders: {delta: .nan}", "delta: found nan"),
         (SKIRT + "  - {name: skirt, generator: tshirt}", "the name 'skirt' stands twice"),
         (SKIRT.replace("name: skirt", "name: Skirt"), "garments[0].name: found 'Skirt'"),
