@@ -50,6 +50,7 @@ class Garment:
     pins: IntArray
     pin_frame: IntArray
     passed_by: tuple[str, ...] = ()
+    layer: int = 0
 
     def __post_init__(self) -> None:
         v = len(self.vertices)

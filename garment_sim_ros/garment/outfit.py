@@ -1,6 +1,6 @@
 """Outfits: the garments of a file made for one body."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from garment_sim_ros.body.skin import Body
@@ -80,4 +80,4 @@ def _make(
         if entry.mesh is None and isinstance(entry.attachments, str):
             raise  # nothing that the file says: it is the body that does not fit
         raise InputFileError(source, str(error)) from error
-    return garment, (*mesh.notes, *notes)
+    return replace(garment, layer=entry.layer), (*mesh.notes, *notes)

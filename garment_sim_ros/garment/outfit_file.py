@@ -27,7 +27,8 @@ MAX_GARMENTS = 16
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _FILE_KEYS = ("version", "garments", "colliders")
-_GARMENT_KEYS = ("name", "generator", "options", "mesh", "material", "attachments")
+_GARMENT_KEYS = ("name", "generator", "options", "mesh", "material", "attachments", "layer")
+_MAX_LAYER = 15
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +53,8 @@ class GarmentEntry:
         options: The generator's parameter group, or `MeshOptions`.
         material: Its fabric.
         attachments: "auto", "none", or a list.
+        layer: Garments with a higher number are worn over those with a lower one; those with the
+            same do not meet.
     """
 
     name: str
@@ -60,6 +63,7 @@ class GarmentEntry:
     options: Any
     material: Material
     attachments: str | tuple[Attachment, ...]
+    layer: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,9 +209,18 @@ def _garment(index: int, entry: object, folder: Path) -> GarmentEntry:
             options=validated(group, _mapping("options", values.get("options", {}))),
             material=material_from(values.get("material")),
             attachments=_attachments(values.get("attachments", AUTOMATIC)),
+            layer=_layer(values.get("layer", 0)),
         )
     except ParameterError as error:
         raise ParameterError(f"{where}.{error.name}", error.problem, error.allowed) from error
+
+
+def _layer(value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= _MAX_LAYER:
+        raise ParameterError(
+            "layer", f"found {repr(value)[:60]}", f"allowed: a whole number, 0 to {_MAX_LAYER}"
+        )
+    return value
 
 
 def _attachments(value: object) -> str | tuple[Attachment, ...]:

@@ -71,11 +71,11 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         if not p.body:
             raise ParameterError("body", "found nothing", "allowed: the wearer's file")
         outfit = p.outfit or DEFAULT_OUTFIT
-        read_outfit(outfit)
+        layers = {entry.layer for entry in read_outfit(outfit).garments}
         with reporting(self.get_logger().info, f"load the body {p.body}"):
             body = load_body(p.body)
         with reporting(self.get_logger().info, "compile, or load what is compiled"):
-            warm_up(p.solver)
+            warm_up(p.solver, layers=len(layers) > 1)
             garment_publishers.warm_up()
         self._dresser = Dresser(
             outfit, body, frame_id=p.frame_id, solver=p.solver, solver_step=p.solver_step

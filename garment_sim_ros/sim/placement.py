@@ -59,6 +59,10 @@ class GarmentLike(Protocol):
         """The frame that each pin rides on, shape [p]."""
 
     @property
+    def layer(self) -> int:
+        """Garments with a higher number are worn over those with a lower one."""
+
+    @property
     def passed_by(self) -> tuple[str, ...]:
         """Bones whose colliders only brush it from outside."""
 

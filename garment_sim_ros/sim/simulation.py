@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +17,9 @@ from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.params import Environment, RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.health import Health
+from garment_sim_ros.sim.kernels.layers import measure_motion
 from garment_sim_ros.sim.kernels.motion import carry_pins, shift, to_file_order
+from garment_sim_ros.sim.layers import LayerPair
 from garment_sim_ros.sim.model import ClothModel, Parameters, build_model
 from garment_sim_ros.sim.placement import Frames, GarmentLike, blend, find_frames, pin_positions
 from garment_sim_ros.sim.settle import settle
@@ -101,7 +105,16 @@ class Simulation:
             posed=PosedShapes.room_for(shapes),
         )
         self._origin_shift = np.zeros(3, np.float32)
-        self._worn = {g.name: self._wear(g) for g in garments}
+        # Inner ones first: what lies on them then meets them where they are.
+        self._worn = {g.name: self._wear(g) for g in sorted(garments, key=lambda g: g.layer)}
+        self._under: dict[str, list[tuple[_Worn, LayerPair]]] = {
+            outer.garment.name: [
+                (inner, LayerPair(inner.model, outer.model))
+                for inner in self._worn.values()
+                if inner.garment.layer < outer.garment.layer
+            ]
+            for outer in self._worn.values()
+        }
 
     def _wear(self, garment: GarmentLike) -> _Worn:
         frames = find_frames(garment.name, garment.frames, self.collider_set)
@@ -191,8 +204,10 @@ class Simulation:
             worn.state.assign(State.at(worn.model, x_world, colliders.origin))
             self._place_pins(worn)
             worn.good.assign(worn.state)
+            for _, pair in self._under[worn.garment.name]:
+                pair.forget()
             worn.health.settling_steps = settle(
-                self._solver.step,
+                partial(self._step, worn),
                 worn.model,
                 colliders,
                 self.parameters,
@@ -253,7 +268,8 @@ class Simulation:
         for n in range(steps):
             self._interpolate(poses_start, poses_end, n / steps, (n + 1) / steps)
             for worn in self._worn.values():
-                self._solver.step(
+                self._step(
+                    worn,
                     worn.model,
                     self._colliders,
                     self.parameters,
@@ -264,6 +280,14 @@ class Simulation:
                 worn.health.steps += 1
         for worn in self._worn.values():
             self._watch(worn)
+
+    def _step(self, worn: _Worn, *args: Any) -> None:
+        """The solver's step for one garment, and its layer's place over those under it."""
+        self._solver.step(*args)
+        for inner, pair in self._under[worn.garment.name]:
+            if pair.separate(inner.state, worn.state):
+                for one in (inner, worn):
+                    measure_motion(one.state.v[: one.model.free_count], one.workspace.motion)
 
     def _check(self, poses: ColliderPoses) -> None:
         n = len(self.collider_set)

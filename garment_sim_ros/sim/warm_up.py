@@ -10,8 +10,13 @@ from garment_sim_ros.params import Material
 from garment_sim_ros.sim.simulation import Simulation
 
 
-def warm_up(solver: str = "relaxation") -> None:
-    """Compiles, or loads from the cache, all that a `Simulation` with this solver runs."""
+def warm_up(solver: str = "relaxation", *, layers: bool = False) -> None:
+    """Compiles, or loads from the cache, all that a `Simulation` with this solver runs.
+
+    Args:
+        solver: Its name.
+        layers: Whether garments are worn over others.
+    """
     scrap: Any = SimpleNamespace(
         name="scrap",
         vertices=np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.1, 0.0], [0.0, 0.1, 0.0]]),
@@ -24,9 +29,11 @@ def warm_up(solver: str = "relaxation") -> None:
         pins=np.zeros(1, np.int32),
         pin_frame=np.zeros(1, np.int32),
         passed_by=(),
+        layer=0,
     )
     ball = Collider(name="ball", kind="sphere", bone="bone", geometry={"radius": 0.1})
-    simulation = Simulation((scrap,), ColliderSet(colliders=(ball,)), solver=solver)
+    over: Any = SimpleNamespace(**{**vars(scrap), "name": "over", "layer": int(layers)})
+    simulation = Simulation((scrap, over), ColliderSet(colliders=(ball,)), solver=solver)
     poses = ColliderPoses.identity(1)
     simulation.reset(poses)
     far = ColliderPoses(position=poses.position + 2.0, orientation=poses.orientation)

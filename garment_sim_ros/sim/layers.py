@@ -1,0 +1,123 @@
+"""Garments over garments: each keeps to its side of those it touches.
+
+The layer order is known (a shirt over a skirt), so a particle belongs to one side of the other
+garment, whatever happened: what starts tangled, or was torn through, comes free again. Particles
+meet triangles both ways, so that neither garment shows through between the other's vertices.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.geometry.topology import mesh_topology
+from garment_sim_ros.sim.kernels.layers import find_triangles, separate
+from garment_sim_ros.sim.model import ClothModel
+from garment_sim_ros.sim.state import State
+
+IntArray = NDArray[np.int32]
+
+_REACH = 2.0
+"""Particles look for triangles this far, in mean edge lengths of the coarser garment."""
+_SEARCH_EVERY = 8
+"""Steps between searches; in between particles follow the triangles that they have."""
+
+
+@dataclass(kw_only=True)
+class _Side:
+    """The particles of one garment and the triangles of the other that they meet."""
+
+    triangles: IntArray
+    neighbour: IntArray
+    near: IntArray
+    start: IntArray
+    entry: IntArray
+
+
+class LayerPair:
+    """An inner garment and one that is worn over it.
+
+    Args:
+        inner: The one under the other.
+        outer: The one over it.
+    """
+
+    def __init__(self, inner: ClothModel, outer: ClothModel) -> None:
+        self._models = (inner, outer)
+        self._of_inner = _side(inner, outer)
+        self._of_outer = _side(outer, inner)
+        self._reach = np.float32(_REACH * max(_edge_length(inner), _edge_length(outer)))
+        self._thickness = np.float32(0.5 * (inner.material.thickness + outer.material.thickness))
+        self._friction = np.float32(np.sqrt(inner.material.friction * outer.material.friction))
+        self._steps = 0
+
+    def forget(self) -> None:
+        """Look for all triangles anew: the garments were put elsewhere."""
+        self._of_inner.near[:] = -1
+        self._of_outer.near[:] = -1
+        self._steps = 0
+
+    def separate(self, inner: State, outer: State) -> int:
+        """Moves both apart where they touch or cross, after a step; returns in how many places."""
+        touching = 0
+        for mine, states, models, side in (
+            (self._of_outer, (outer, inner), self._models[::-1], 1.0),
+            (self._of_inner, (inner, outer), self._models, -1.0),
+        ):
+            (me, other), (my_model, other_model) = states, models
+            if self._steps % _SEARCH_EVERY == 0:
+                find_triangles(
+                    me.x, other.x, mine.triangles, self._reach, mine.start, mine.entry, mine.near
+                )
+            touching += separate(
+                me.x,
+                me.v,
+                my_model.inverse_mass,
+                other.x,
+                other.v,
+                other_model.inverse_mass,
+                mine.triangles,
+                mine.neighbour,
+                mine.near,
+                np.float32(side),
+                self._thickness,
+                self._friction,
+                self._reach,
+            )
+        self._steps += 1
+        return touching
+
+
+def _side(mine: ClothModel, other: ClothModel) -> _Side:
+    particle = np.empty(len(other), np.int32)
+    particle[other.vertex] = np.arange(len(other), dtype=np.int32)
+    triangles = particle[other.triangles]
+    cells = 1 << int(np.ceil(np.log2(max(len(triangles), 2))))
+    return _Side(
+        triangles=np.ascontiguousarray(triangles),
+        neighbour=neighbours(other.triangles),
+        near=np.full(len(mine), -1, np.int32),
+        start=np.zeros(cells + 1, np.int32),
+        entry=np.zeros(len(triangles), np.int32),
+    )
+
+
+def neighbours(triangles: IntArray) -> IntArray:
+    """The triangle across each edge ab, bc, ca; -1 at a border or where more than two meet."""
+    ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
+    _, edge, count = np.unique(
+        np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    order = np.argsort(edge.ravel(), kind="stable")
+    twin = np.full(len(ends), -1, np.int32)
+    first = np.concatenate([[0], np.cumsum(count)[:-1]])[count == 2]
+    a, b = order[first], order[first + 1]
+    twin[a], twin[b] = b // 3, a // 3
+    return twin.reshape(-1, 3)
+
+
+def _edge_length(model: ClothModel) -> float:
+    edges = mesh_topology(model.triangles).edges
+    rest = np.empty_like(model.rest)
+    rest[model.vertex] = model.rest
+    return float(np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1).mean())

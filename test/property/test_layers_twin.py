@@ -1,0 +1,115 @@
+"""Particles against another garment's triangles: the kernels against their naive twin."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from garment_sim_ros.geometry.topology import mesh_topology
+from garment_sim_ros.sim import naive_layers
+from garment_sim_ros.sim.kernels.layers import find_triangles, separate
+from garment_sim_ros.sim.layers import neighbours
+
+SPACING = 0.02
+REACH = 2.0 * SPACING
+THICKNESS = 0.002
+
+
+def sheets(cloth, seed, bump=0.004):
+    """Two uneven sheets of different meshes, crossing each other."""
+    rng = np.random.default_rng(seed)
+    under, triangles = cloth.grid(7, 6, SPACING)
+    over, _ = cloth.grid(8, 9, 0.8 * SPACING)
+    under[:, 2] = rng.uniform(-bump, bump, len(under))
+    over = over + rng.normal(0.0, 0.1 * SPACING, over.shape)
+    over[:, 2] = rng.uniform(-2 * bump, 2 * bump, len(over))
+    return [
+        (
+            x.astype(np.float32),
+            rng.normal(0.0, 0.3, x.shape).astype(np.float32),
+            rng.choice([0.0, 500.0, 2000.0], len(x)).astype(np.float32),
+        )
+        for x in (over, under)
+    ], triangles
+
+
+def found(x, y, triangles):
+    near = np.full(len(x), -1, np.int32)
+    start, entry = np.zeros(65, np.int32), np.zeros(len(triangles), np.int32)
+    find_triangles(x, y, triangles, np.float32(REACH), start, entry, near)
+    assert sorted(entry.tolist()) == list(range(len(triangles)))
+    return near
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_the_nearest_triangle_is_found(cloth, seed):
+    ((x, _, _), (y, _, _)), triangles = sheets(cloth, seed)
+    x = np.concatenate([x, x + np.float32([0.0, 0.0, 0.03]), x + np.float32([0.0, 0.0, 1.0])])
+    near = found(x, y, triangles)
+    for p, t in enumerate(near):
+        expected, w = naive_layers.nearest_triangle(
+            x[p].astype(np.float64), y.astype(np.float64), triangles, REACH
+        )
+        if expected < 0 or t < 0:
+            assert expected == t
+            continue
+        corners = y[triangles[t]].astype(np.float64)
+        mine = np.linalg.norm(x[p] - naive_layers.closest_weights(corners, x[p]) @ corners)
+        best = np.linalg.norm(x[p] - w @ y[triangles[expected]])
+        assert mine == pytest.approx(best, abs=1e-7)  # of equally near ones, either
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10**6), side=st.sampled_from([1.0, -1.0]))
+def test_moves_as_the_twin_does(cloth, seed, side):
+    (mine, other), triangles = sheets(cloth, seed)
+    topology = mesh_topology(triangles)
+    border = {tuple(e) for e in topology.edges[topology.triangle_count == 1].tolist()}
+    exact = [[a.astype(np.float64) for a in part] for part in (mine, other)]
+    # One particle at a time: where several touch one triangle, which is nearest may be a tie.
+    for p in range(0, len(mine[0]), 7):
+        one = tuple(a[p : p + 1].copy() for a in mine)
+        rest = tuple(a.copy() for a in other)
+        twin_one = [a[p : p + 1].copy() for a in exact[0]]
+        twin_rest = [a.copy() for a in exact[1]]
+        touched = separate(
+            *(*one, *rest, triangles, neighbours(triangles), found(one[0], rest[0], triangles)),
+            *(np.float32(side), np.float32(THICKNESS), np.float32(0.4), np.float32(REACH)),
+        )
+        expected = naive_layers.separate(
+            tuple(twin_one),
+            tuple(twin_rest),
+            triangles,
+            border,
+            side=side,
+            thickness=THICKNESS,
+            friction=0.4,
+            reach=REACH,
+        )
+        assert touched == expected
+        for got, want, tolerance in (
+            (one[0], twin_one[0], 2e-6),
+            (rest[0], twin_rest[0], 2e-6),
+            (one[1], twin_one[1], 1e-3),
+            (rest[1], twin_rest[1], 1e-3),
+        ):
+            np.testing.assert_allclose(got, want, atol=tolerance)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_momentum_and_the_centre_of_mass_stay(cloth, seed):
+    (mine, other), triangles = sheets(cloth, seed)
+    mine[2][:], other[2][:] = 800.0, 1700.0
+    before = [np.concatenate([a[k] / a[2][:, None] for a in (mine, other)]) for k in (0, 1)]
+    before = [b.sum(axis=0, dtype=np.float64) for b in before]
+    near = found(mine[0], other[0], triangles)
+    touched = separate(
+        *(*mine, *other, triangles, neighbours(triangles), near),
+        *(np.float32(1.0), np.float32(THICKNESS), np.float32(0.4), np.float32(REACH)),
+    )
+    assert touched > 10
+    after = [np.concatenate([a[k] / a[2][:, None] for a in (mine, other)]) for k in (0, 1)]
+    for b, a, scale in zip(before, after, (1e-8, 1e-6)):
+        np.testing.assert_allclose(a.sum(axis=0, dtype=np.float64), b, atol=scale)

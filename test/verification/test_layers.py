@@ -1,0 +1,86 @@
+"""Garments over garments."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.retargeting import Retargeter
+from garment_sim_ros.colliders.capsules import fit_capsules
+from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.mocap.clips import load_clip
+from garment_sim_ros.mocap.sampling import sample
+from garment_sim_ros.sim.simulation import Simulation
+
+FRAME = 1 / 60
+SPACING = 0.02
+
+
+def two_sheets(cloth, height, layers, **material):
+    """A sheet that is held all around, and a free one at a height over it."""
+    x, triangles = cloth.grid(15, 15, SPACING)
+    edge = np.abs(x[:, :2]).max(axis=1) > 6.9 * SPACING
+    under = cloth.garment(x, triangles, pins=np.flatnonzero(edge), name="under", **material)
+    x, triangles = cloth.grid(9, 9, SPACING)
+    turned = x @ np.array([[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    over = cloth.garment(turned + np.array([0.0, 0.0, height]), triangles, name="over", **material)
+    garments = [dataclasses.replace(g, layer=n) for g, n in zip((under, over), layers)]
+    # The other way round than they lie: the order is that of the layers.
+    return Simulation(garments[::-1], cloth.colliders(), solver_step=1 / 240)
+
+
+@pytest.mark.parametrize("height", [0.02, -0.01])
+def test_a_sheet_lies_on_the_one_below_also_from_under_it(cloth, height):
+    simulation = two_sheets(cloth, height, (0, 1), friction=0.3, air_drag=0.1)
+    still = ColliderPoses.identity(1)
+    for _ in range(360):
+        simulation.advance(still, still, FRAME / 2)
+    under, over = simulation.positions("under"), simulation.positions("over")
+    distance, near = cKDTree(under[:, :2]).query(over[:, :2])
+    assert distance.max() < SPACING
+    # The lower sheet sags between its vertices: a tenth of their distance is its unevenness.
+    assert (over[:, 2] - under[near, 2]).min() > -0.1 * SPACING
+    assert (over[:, 2] - under[near, 2]).mean() == pytest.approx(0.002, abs=2e-3)
+    assert simulation.health("over").rms_speed < 0.02
+
+
+def test_equal_layers_do_not_meet(cloth):
+    simulation = two_sheets(cloth, 0.02, (0, 0))
+    still = ColliderPoses.identity(1)
+    for _ in range(60):
+        simulation.advance(still, still, FRAME)
+    assert simulation.positions("over")[:, 2].max() < -1.0
+
+
+def test_a_shirt_stays_over_the_skirt_of_a_walking_body():
+    body = load_body("mannequin")
+    colliders = fit_capsules(body)
+    garments = load_outfit("tshirt_short_skirt", body, colliders=colliders).garments
+    clip = load_clip("walk")
+    retargeter, poser = Retargeter(clip.rig, body), ColliderPoser(colliders, body)
+    simulation = Simulation(garments, colliders)
+    path = [
+        poser.poses(retargeter.world_joints(sample(clip, n * FRAME))).copy() for n in range(61)
+    ]
+    simulation.reset(path[0])
+    triangles = simulation.model("skirt").triangles
+    met = 0
+    for start, end in itertools.pairwise(path):
+        simulation.advance(start, end, FRAME)
+        skirt = simulation.positions("skirt").astype(np.float64)
+        shirt = simulation.positions("tshirt").astype(np.float64)
+        a, b, c = (skirt[triangles[:, k]] for k in range(3))
+        normal = np.cross(b - a, c - a)
+        normal /= np.linalg.norm(normal, axis=1)[:, None]
+        centre = (a + b + c) / 3
+        distance, near = cKDTree(centre).query(shirt)
+        close = distance < 0.012  # others may be beyond the skirt's border
+        height = ((shirt - centre[near]) * normal[near]).sum(axis=1)[close]
+        met += len(height)
+        assert (height > -1e-3).all()
+    assert met > 60 * 100
