@@ -26,7 +26,8 @@ from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.colliders.ellipsoid_binding import EllipsoidBinding, distance_outside
 from garment_sim_ros.colliders.ellipsoids import ellipsoids_around
 from garment_sim_ros.colliders.segmentation import segment
-from garment_sim_ros.geometry.earliest_hit import PosedEllipsoids, collide_earliest
+from garment_sim_ros.geometry.earliest_hit import collide_earliest
+from garment_sim_ros.geometry.ellipsoid_poses import PosedEllipsoids
 from garment_sim_ros.geometry.locality import spatial_order
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.mocap.clips import load_clip

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.ellipsoids import EllipsoidFit
-from garment_sim_ros.geometry.earliest_hit import PosedEllipsoids
+from garment_sim_ros.geometry.ellipsoid_poses import PosedEllipsoids
 from garment_sim_ros.geometry.mvee import mvee
 
 FloatArray = NDArray[np.float64]

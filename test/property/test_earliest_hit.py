@@ -9,11 +9,15 @@ from hypothesis import strategies as st
 
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.contact_ellipsoid import ellipsoid_bound, nearest_on_ellipsoid
-from garment_sim_ros.geometry.earliest_hit import PosedEllipsoids, collide_earliest
+from garment_sim_ros.geometry.earliest_hit import collide_earliest
+from garment_sim_ros.geometry.ellipsoid_poses import PosedEllipsoids
 
 SETTINGS = settings(derandomize=True, deadline=None, max_examples=40)
 seeds = st.integers(0, 2**32 - 1)
 DT = 0.01
+SINGLE = 1e-6
+"""Positions within a block of some metres are in single precision [m]."""
+SPEED = 1e-6 / DT
 
 
 def balls(*centres, radii=(1.0, 1.0, 1.0)):
@@ -51,14 +55,14 @@ def test_case_1_in_both_at_the_end_earliest_wins_in_any_order():
     for centres in itertools.permutations([[-0.6, 0.0, 0.0], [0.6, 0.0, 0.0]]):
         x, _, hit = move(balls(*centres), p0, p1, response="reflection")
         assert centres[hit[0]] == [-0.6, 0.0, 0.0]
-        assert x[0] == pytest.approx([-0.6 - np.sqrt(1.0 - 0.04), 0.2, 0.0], abs=1e-9)
+        assert x[0] == pytest.approx([-0.6 - np.sqrt(1.0 - 0.04), 0.2, 0.0], abs=SINGLE)
 
 
 def test_case_2_pushed_out_of_one_is_not_left_in_the_other():
     e = balls([-0.5, 0.0, 0.0], [0.5, 0.0, 0.0])
     x, _, hit = move(e, [0.1, 3.0, 0.0], [-0.1, 0.3, 0.0])
     assert hit[0] >= 0
-    assert lowest_zeta(e, x)[0] >= 1.0 - 1e-6
+    assert lowest_zeta(e, x)[0] >= 1.0 - 2e-5
     assert x[0, 1] > 0.5
 
 
@@ -70,7 +74,7 @@ def test_case_3_stays_on_its_side(response):
         x, _, hit = move(e, [0.1, 0.5, 0.2], [0.1, end, 0.2], response=response)
         assert hit[0] == 0
         assert x[0, 1] > 0.0
-        assert lowest_zeta(e, x)[0] >= 1.0 - 1e-6
+        assert lowest_zeta(e, x)[0] >= 1.0 - 2e-5
 
 
 def naive_earliest(start, end, p0, p1):
@@ -117,7 +121,7 @@ def test_nobody_ends_inside_and_order_does_not_matter(seed):
     ]
     for response in ("surface", "inelastic", "reflection"):
         x, v, hit = move(start, p0, p1, end, response=response)
-        assert lowest_zeta(end, x).min() >= 1.0 - 2e-6
+        assert lowest_zeta(end, x).min() >= 1.0 - 2e-5
         x2, v2, hit2 = move(shuffled[0], p0, p1, shuffled[1], response=response)
         assert (x == x2).all()
         assert (v == v2).all()
@@ -139,7 +143,7 @@ def test_start_inside_leaves_by_a_short_way(seed):
     surface = surface[lowest_zeta(start, surface) > 1.0 - 1e-9]
     for p in inside:
         x, _, _ = move(start, p, p)
-        assert lowest_zeta(start, x)[0] >= 1.0 - 2e-6
+        assert lowest_zeta(start, x)[0] >= 1.0 - 2e-5
         shortest = np.linalg.norm(surface - p, axis=1).min()
         single = [
             e
@@ -163,16 +167,16 @@ def test_responses():
 
     x, v, _ = move(e, p0, p1, response="reflection")
     printed = at / np.linalg.norm(at)
-    assert x[0] == pytest.approx(at)
-    assert v[0] == pytest.approx(speed - 2.0 * (speed @ printed) * printed)
+    assert x[0] == pytest.approx(at, abs=SINGLE)
+    assert v[0] == pytest.approx(speed - 2.0 * (speed @ printed) * printed, abs=SPEED)
 
     x, v, _ = move(e, p0, p1, response="inelastic")
-    assert v[0] == pytest.approx(speed - (speed @ true) * true)
+    assert v[0] == pytest.approx(speed - (speed @ true) * true, abs=SPEED)
     x, v, _ = move(e, p0, p1, restitution=0.5, friction=0.0)
-    assert v[0] @ true == pytest.approx(-0.5 * (speed @ true))
+    assert v[0] @ true == pytest.approx(-0.5 * (speed @ true), abs=SPEED)
     x, v, _ = move(e, p0, p1, friction=10.0)
-    assert v[0] == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
-    assert x[0] == pytest.approx(at)
+    assert v[0] == pytest.approx([0.0, 0.0, 0.0], abs=SPEED)
+    assert x[0] == pytest.approx(at, abs=SINGLE)
 
 
 @pytest.mark.parametrize("response", ["surface", "inelastic", "reflection"])
@@ -188,8 +192,8 @@ def test_rides_a_moving_ellipsoid():
     start, end = balls([0.0, 0.0, 0.0]), balls([0.0, 0.1, 0.0])
     x, v, hit = move(start, [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], end, response="inelastic")
     assert hit[0] == 0
-    assert x[0] == pytest.approx([0.0, 1.1, 0.0])
-    assert v[0] == pytest.approx([0.0, 10.0, 0.0])
+    assert x[0] == pytest.approx([0.0, 1.1, 0.0], abs=SINGLE)
+    assert v[0] == pytest.approx([0.0, 10.0, 0.0], abs=SPEED)
 
 
 def test_bad_input():

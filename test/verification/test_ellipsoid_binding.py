@@ -9,7 +9,7 @@ from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.colliders.ellipsoid_binding import EllipsoidBinding, distance_outside
 from garment_sim_ros.colliders.ellipsoids import ellipsoids_around
-from garment_sim_ros.geometry.earliest_hit import PosedEllipsoids
+from garment_sim_ros.geometry.ellipsoid_poses import PosedEllipsoids
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import sample
 
