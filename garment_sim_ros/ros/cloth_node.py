@@ -165,9 +165,11 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         self._qualities = [GarmentQuality(name, simulation) for name in simulation.names]
         kinds = [c.kind for c in simulation.collider_set.colliders if c.kind != "frame"]
         colliders = ", ".join(f"{kinds.count(kind)} {kind}" for kind in sorted(set(kinds)))
+        layered = len({g.layer for g in dressed.garments}) > 1
         self.get_logger().info(
             f"{p.solver} models stretch, shear, bending, gravity, wind, and contact with friction "
-            f"on {colliders} colliders; not cloth against itself or other garments"
+            f"on {colliders} colliders{' and between layers' if layered else ''}; not cloth "
+            f"against itself{'' if layered else ' or other garments: all are in one layer'}"
         )
         for number, garment in enumerate(dressed.garments):
             if garment.name not in self._topics:

@@ -55,7 +55,8 @@ class _Worn:
 class Simulation:
     """Garments on one body, advanced by fixed steps.
 
-    Garments collide with the body, not with each other. Positions are kept relative to a local
+    Garments collide with the body, and with each other where they are in different layers (see
+    `layers`); not with themselves. Positions are kept relative to a local
     origin that follows the body, see `state`.
 
     Args:
