@@ -92,7 +92,7 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
             with reporting(self.get_logger().info, f"load {p.body} and fit its colliders"):
                 self._wear(load_body(p.body))
         self.subscribe(ROBOT_DESCRIPTION, self._take_description, always=True)
-        self.subscribe(JOINT_STATES, self._take_joints)
+        self.follow(JOINT_STATES, self._take_joints)
 
     def start(self) -> None:
         """Publish the colliders; poses follow as joint states come."""

@@ -11,6 +11,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseStamped
 from rclpy.callback_groups import CallbackGroup
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.publisher import Publisher
 from rclpy.qos import (
@@ -142,6 +143,8 @@ class Poll:
         room: Messages that may come between two calls of `take_all`.
     """
 
+    _wait_set: Any = None
+
     def __init__(
         self,
         node: LifecycleNode,
@@ -153,6 +156,7 @@ class Poll:
         profile = topic.profile(subscribed=True)
         profile.depth = max(profile.depth, room)
         self._callback = callback
+        self._context = node.context
         self.subscription = node.create_subscription(
             topic.type,
             topic.name,
@@ -162,6 +166,15 @@ class Poll:
             qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
             raw=True,
         )
+
+    def wait(self, longest: int) -> None:
+        """Sleep until messages come, at most some time [ns], and call back for all."""
+        if self._wait_set is None:
+            self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, self._context.handle)
+        self._wait_set.clear_entities()
+        self._wait_set.add_subscription(self.subscription.handle)
+        self._wait_set.wait(longest)
+        self.take_all()
 
     def take_all(self) -> None:
         """Call back for every message that has come."""

@@ -26,7 +26,7 @@ from garment_sim_ros.params import LifecycleParameters
 from garment_sim_ros.ros.diagnostics import Condition, Diagnostics, Rejections
 from garment_sim_ros.ros.interfaces import Poll, Topic, advertise, advertise_always, subscribe
 from garment_sim_ros.ros.parameters import NodeParameters
-from garment_sim_ros.ros.ticker import Ticker, spin
+from garment_sim_ros.ros.ticker import Ticker, Waits, spin
 
 Group = TypeVar("Group")
 
@@ -59,6 +59,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
         self.rejections = Rejections(self.get_logger().warning)
         self.failure: GarmentSimError | None = None
         self.ticker: Ticker | None = None
+        self._followed: Poll | None = None
         self._entities: list[Publisher | Subscription] = []
         self._diagnostics = Diagnostics(self, self.rejections, self.condition)
 
@@ -89,6 +90,17 @@ class ManagedNode(LifecycleNode, Generic[Group]):
         if self.ticker is not None:
             self.ticker.destroy()
             self.ticker = None
+
+    def follow(self, topic: Topic, take: Callable[[bytes], None]) -> None:
+        """As `subscribe`, for the topic that the node waits for most of the time."""
+        self._followed = self.poll(topic, take, room=0)
+
+    @property
+    def mostly(self) -> Waits | None:
+        """What `spin` waits for."""
+        if self.ticker is not None and not self.ticker.is_simulated:
+            return self.ticker
+        return self._followed
 
     def parameters_changed(self, parameters: Group) -> None:
         """Take over parameters that were set."""
@@ -159,6 +171,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
     def _undo(self) -> None:
         """Forget what `prepare` and all after it made."""
         self.release()
+        self._followed = None
         for entity in self._entities:
             if isinstance(entity, LifecyclePublisher):
                 self.destroy_lifecycle_publisher(entity)
@@ -261,7 +274,7 @@ def run(make_node: Callable[[], ManagedNode[Any]], argv: list[str] | None = None
         executor.add_node(node)
         signals.interrupts = False
         if not signals.asked:
-            spin(executor, lambda: node.ticker)
+            spin(executor, lambda: node.mostly)
     except (_Stopped, ExternalShutdownException):
         pass
     except GarmentSimError as error:

@@ -2,11 +2,13 @@
 
 `rclpy`'s executor looks at every entity of a node whenever it wakes, which takes longer than many
 a frame. So in real time the grid is kept here, by sleeping; the executor then only has a look now
-and then (`spin`). In simulated time the calls come from a timer of the node's.
+and then (`spin`). In simulated time the calls come from a timer of the node's. A node that follows
+one topic instead waits for that alone in the same way.
 """
 
 import time
 from collections.abc import Callable
+from typing import Protocol
 
 from rclpy.executors import Executor, TimeoutException
 from rclpy.lifecycle import LifecycleNode
@@ -74,20 +76,27 @@ class Ticker:
         self._callback(due, 1 + missed)
 
 
-def spin(executor: Executor, ticker: Callable[[], Ticker | None]) -> None:
+class Waits(Protocol):
+    """What a node mostly waits for."""
+
+    def wait(self, longest: int) -> None:
+        """Sleep until it is there, at most some time [ns], and handle it."""
+
+
+def spin(executor: Executor, mostly: Callable[[], Waits | None]) -> None:
     """Run a node's callbacks until its context is shut down.
 
     Args:
         executor: Has the node.
-        ticker: Gives the ticker that the node has at the moment.
+        mostly: Gives what the node mostly waits for at the moment, if there is such a thing.
 
     Raises:
         ExternalShutdownException: The context was shut down.
     """
     looked = 0
     while True:
-        current = ticker()
-        if current is None or current.is_simulated:
+        current = mostly()
+        if current is None:
             executor.spin_once()
             continue
         current.wait(_LOOK_PERIOD)
