@@ -214,6 +214,43 @@ class Environment:
         minimum=-200.0,
         maximum=200.0,
     )
+    wind_drag: float = parameter(
+        0.0,
+        "Drag coefficient of a triangle across the wind; cloth has about 1.2. 0: none.",
+        minimum=0.0,
+        maximum=10.0,
+    )
+    wind_lift: float = parameter(
+        0.0,
+        "Lift coefficient of a triangle; cloth has about 0.4. 0: none.",
+        minimum=0.0,
+        maximum=10.0,
+    )
+    gust: float = parameter(
+        0.0,
+        "Root mean square speed of noise on the wind; acts through wind_drag and wind_lift.",
+        unit="m/s",
+        minimum=0.0,
+        maximum=200.0,
+    )
+    gust_shortest: float = parameter(
+        0.3, "Shortest wavelength of the noise.", unit="m", minimum=0.01, maximum=1e3
+    )
+    gust_longest: float = parameter(
+        3.0, "Longest wavelength of the noise.", unit="m", minimum=0.01, maximum=1e3
+    )
+    gust_change: float = parameter(
+        0.5, "Rate at which the noise changes by itself.", unit="1/s", minimum=0.0, maximum=100.0
+    )
+    gust_waves: int = parameter(
+        24, "Plane waves that the noise is made of.", minimum=1, maximum=512
+    )
+    gust_divergence_free: bool = parameter(
+        True, "Noise in which air neither appears nor vanishes."
+    )
+    gust_seed: int = parameter(
+        1, "The same seed gives the same noise.", minimum=0, maximum=2**31 - 1
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -75,7 +75,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         with reporting(self.get_logger().info, f"load the body {p.body}"):
             body = load_body(p.body)
         with reporting(self.get_logger().info, "compile, or load what is compiled"):
-            warm_up(p.solver, layers=len(layers) > 1)
+            warm_up(p.solver, layers=len(layers) > 1, environment=self._environment.values)
             garment_publishers.warm_up()
         self._dresser = Dresser(
             outfit, body, frame_id=p.frame_id, solver=p.solver, solver_step=p.solver_step

@@ -26,6 +26,7 @@ from garment_sim_ros.sim.settle import settle
 from garment_sim_ros.sim.sides import shape_sides
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.sim.state import ColliderState, State, Workspace
+from garment_sim_ros.sim.wind_field import WindOnCloth, wind_field
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
@@ -59,6 +60,9 @@ class Simulation:
     `layers`); not with themselves. Positions are kept relative to a local
     origin that follows the body, see `state`.
 
+    Attributes:
+        time: Time simulated since the last `reset` [s]; gusts depend on it.
+
     Args:
         garments: `garment.Garment` objects or alike, with different names.
         colliders: The body's colliders; `reset` and `advance` take one pose for each.
@@ -91,10 +95,6 @@ class Simulation:
             raise GeometryError(f"garment names must be unique; found {', '.join(names)}")
         self.collider_set = colliders
         self.solver_step = solver_step
-        self.parameters = Parameters(
-            environment=environment or Environment(),
-            settings=settings or SOLVERS[solver].settings(),
-        )
         self._solver = SOLVERS[solver]
         shapes = pack(colliders)
         self._colliders = ColliderState(
@@ -116,6 +116,11 @@ class Simulation:
             ]
             for outer in self._worn.values()
         }
+        self.time = 0.0
+        self.parameters = Parameters(
+            environment=environment or Environment(),
+            settings=settings or SOLVERS[solver].settings(),
+        )
 
     def _wear(self, garment: GarmentLike) -> _Worn:
         frames = find_frames(garment.name, garment.frames, self.collider_set)
@@ -144,6 +149,21 @@ class Simulation:
             x_world=np.zeros((len(model), 3), np.float32),
             normal=np.zeros((len(model), 3), np.float32),
         )
+
+    @property
+    def parameters(self) -> Parameters:
+        """Outer forces and numerical parameters; may be replaced between steps.
+
+        Raises:
+            ParameterError: A wind that cannot be.
+        """
+        return self._parameters
+
+    @parameters.setter
+    def parameters(self, parameters: Parameters) -> None:
+        field = wind_field(parameters.environment)
+        self._parameters = parameters
+        self._wind = {n: WindOnCloth(field, w.model) for n, w in self._worn.items() if field}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -197,6 +217,7 @@ class Simulation:
             MessageError: Poses that are not usable; nothing changes.
         """
         self._check(poses)
+        self.time = 0.0
         colliders = self._colliders
         colliders.origin[:] = poses.position.mean(axis=0) if len(poses.position) else 0.0
         self._interpolate(poses, poses, 0.0, 1.0)
@@ -279,11 +300,14 @@ class Simulation:
                     dt / steps,
                 )
                 worn.health.steps += 1
+            self.time += dt / steps
         for worn in self._worn.values():
             self._watch(worn)
 
     def _step(self, worn: _Worn, *args: Any) -> None:
         """The solver's step for one garment, and its layer's place over those under it."""
+        if self._wind:
+            self._wind[worn.garment.name].blow(worn.state, self.origin, self.time, args[-1])
         self._solver.step(*args)
         for inner, pair in self._under[worn.garment.name]:
             if pair.separate(inner.state, worn.state):

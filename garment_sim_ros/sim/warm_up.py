@@ -6,16 +6,22 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
-from garment_sim_ros.params import Material
+from garment_sim_ros.params import Environment, Material
 from garment_sim_ros.sim.simulation import Simulation
 
 
-def warm_up(solver: str = "relaxation", *, layers: bool = False) -> None:
+def warm_up(
+    solver: str = "relaxation", *, layers: bool = False, environment: Environment | None = None
+) -> None:
     """Compiles, or loads from the cache, all that a `Simulation` with this solver runs.
 
     Args:
         solver: Its name.
         layers: Whether garments are worn over others.
+        environment: Outer forces: wind on triangles is compiled where there is any.
+
+    Raises:
+        ParameterError: An environment that cannot be.
     """
     scrap: Any = SimpleNamespace(
         name="scrap",
@@ -33,7 +39,9 @@ def warm_up(solver: str = "relaxation", *, layers: bool = False) -> None:
     )
     ball = Collider(name="ball", kind="sphere", bone="bone", geometry={"radius": 0.1})
     over: Any = SimpleNamespace(**{**vars(scrap), "name": "over", "layer": int(layers)})
-    simulation = Simulation((scrap, over), ColliderSet(colliders=(ball,)), solver=solver)
+    simulation = Simulation(
+        (scrap, over), ColliderSet(colliders=(ball,)), environment=environment, solver=solver
+    )
     poses = ColliderPoses.identity(1)
     simulation.reset(poses)
     far = ColliderPoses(position=poses.position + 2.0, orientation=poses.orientation)

@@ -489,6 +489,7 @@ def test_the_same_messages_give_the_same_bytes(start_node, make_probe, outfit, a
         ({"solver": "magic"}, "solver: found 'magic'"),
         ({"step_on": "wishes"}, "step_on: found 'wishes'"),
         ({"gravity": [0.0, -9.81]}, "gravity: found"),
+        ({"gust": 2.0}, "gust: found"),
     ],
 )
 def test_unusable_parameters_end_it_with_one_line(start_node, parameters, words):
