@@ -327,8 +327,8 @@ class HullSettings:
     )
     joints: str = parameter(
         "auto",
-        "Colliders at joints: spheres where they fit and half-turning hulls elsewhere, spheres "
-        "that contain all that bends (the paper's), or none.",
+        "Colliders at joints: half-turning spheres in the skin, or hulls where these leave much "
+        "open; spheres that contain all that bends (the paper's); or none.",
         choices=("auto", "spheres", "none"),
     )
 

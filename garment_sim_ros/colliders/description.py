@@ -199,10 +199,14 @@ def _geometry(kind: str, geometry: dict[str, Any], what: str) -> Mapping[str, ob
         "frame": set(),
     }
     if kind in simple:
-        optional = {"share"} & set(geometry) if kind == "hull" else set()
+        optional = {"share"} & set(geometry) if kind in ("sphere", "hull") else set()
         _object(geometry, simple[kind] | optional, f"{what} geometry")
+    shared: dict[str, object] = {}
+    if "share" in geometry and kind in simple:
+        shared["share"] = _number(geometry["share"], f"{what} share", 0.0, 1.0)
     if kind == "sphere":
-        return {"radius": _number(geometry["radius"], f"{what} radius", 1e-9, MAX_COORDINATE)}
+        radius = _number(geometry["radius"], f"{what} radius", 1e-9, MAX_COORDINATE)
+        return {"radius": radius, **shared}
     if kind == "capsule":
         values = {
             key: _number(geometry[key], f"{what} {key}", 0.0, MAX_COORDINATE)
@@ -226,8 +230,5 @@ def _geometry(kind: str, geometry: dict[str, Any], what: str) -> Mapping[str, ob
                 )
         if faces.dtype.kind == "f" or faces.min() < 0 or faces.max() >= len(vertices):
             raise MessageError(_REASON, f"{what} faces must be indices 0..{len(vertices) - 1}")
-        hull: dict[str, object] = {"vertices": vertices, "faces": faces.astype(np.int32)}
-        if "share" in geometry:
-            hull["share"] = _number(geometry["share"], f"{what} share", 0.0, 1.0)
-        return hull
+        return {"vertices": vertices, "faces": faces.astype(np.int32), **shared}
     return {_name(key, f"{what} key"): _array(geometry[key], f"{what} {key}") for key in geometry}

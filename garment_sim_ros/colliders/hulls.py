@@ -5,7 +5,7 @@ get a sphere or a hull that turns halfway. All of it is verified: no skin of a r
 its hulls.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +27,11 @@ from garment_sim_ros.colliders.joint_shapes import (
     SHARE,
     Joint,
     band_hull,
-    fits_sphere,
+    covering_sphere,
     gaps,
     half_turned_height,
     is_covered,
+    is_worth_it,
     joints,
     needed_radius,
 )
@@ -124,7 +125,7 @@ def fit_hulls(
         parts = convex_parts(surface, saving=saving, most=_MOST_PARTS)
         for k, part in enumerate(parts):
             name = bone if len(parts) == 1 else f"{bone}_{k}"
-            points = part.reshape(-1, 3)
+            points = np.unique(part.reshape(-1, 3), axis=0)
             try:
                 inner = convex_hull(points)
             except GeometryError as error:
@@ -198,33 +199,56 @@ def _joint_colliders(
         posed, height = gaps(joint, hulls)
         if is_covered(height):
             continue
-        radius = needed_radius(posed, height)
-        hull = None
-        if settings.joints == "auto" and not fits_sphere(joint, radius):
-            hull = band_hull(body, regions, joint)
-        made.append(
-            _joint_sphere(regions, joint, radius + settings.delta, height)
-            if hull is None
-            else _joint_hull(body, regions, joint, hull, posed, height, settings)
-        )
-    return made
+        if settings.joints == "spheres":
+            radius = needed_radius(posed, height)
+            own = np.linalg.norm(posed, axis=-1) - radius
+            made.append(_joint_sphere(body, regions, joint, joint.centre, radius, height, own))
+            continue
+        centre, radius, own = covering_sphere(joint, posed, height, skin)
+        if is_worth_it(height, own):
+            made.append(_joint_sphere(body, regions, joint, centre, radius, height, own))
+            continue
+        hull = band_hull(body, regions, joint)
+        if hull is not None and is_worth_it(height, half_turned_height(joint, posed, hull)):
+            made.append(_joint_hull(body, regions, joint, hull, posed, height, settings))
+    return [(_inflated(collider, settings.delta), shape) for collider, shape in made]
+
+
+def _inflated(collider: Collider, delta: float) -> Collider:
+    """A sphere with a larger radius; hulls have their delta."""
+    if collider.kind != "sphere":
+        return collider
+    radius = float(collider.geometry["radius"]) + delta  # type: ignore[arg-type]
+    return replace(collider, geometry={**collider.geometry, "radius": radius})
 
 
 def _joint_sphere(
-    regions: Regions, joint: Joint, radius: float, height: FloatArray
+    body: Body,
+    regions: Regions,
+    joint: Joint,
+    centre: FloatArray,
+    radius: float,
+    height: FloatArray,
+    own: FloatArray,
 ) -> tuple[Collider, ShapeFit]:
-    name = f"joint_{regions.names[joint.region]}"
-    note = (
-        f"covers {1e3 * height.max():.1f} mm that open through the range of motion; "
-        f"stands off the nearest skin by {1e3 * (radius - joint.depth):.1f} mm"
-    )
+    bone = regions.names[joint.region]
+    T_bone_bind = body.skin.T_bone_bind[regions.joint[joint.region]]
     sphere = Collider(
-        name=name,
+        name=f"joint_{bone}",
         kind="sphere",
-        bone=regions.names[joint.region],
-        geometry={"radius": radius},
+        bone=bone,
+        position=transform_points(T_bone_bind, centre[None])[0],
+        geometry={"radius": radius, "share": SHARE},
     )
-    return sphere, ShapeFit(name=name, kind="sphere", note=note)
+    return sphere, ShapeFit(name=sphere.name, kind="sphere", note=_opening(height, own))
+
+
+def _opening(height: FloatArray, own: FloatArray) -> str:
+    left = max(float(np.minimum(height, own).max()), 0.0)
+    return (
+        f"turns halfway; leaves {1e3 * left:.1f} of {1e3 * height.max():.1f} mm "
+        "that open through the range of motion"
+    )
 
 
 def _joint_hull(
@@ -238,11 +262,7 @@ def _joint_hull(
 ) -> tuple[Collider, ShapeFit]:
     bone = regions.names[joint.region]
     hull = _fitted(inner, inner.vertices, settings)
-    left = np.minimum(height, half_turned_height(joint, posed, hull)).max()
-    note = (
-        f"turns halfway; leaves {1e3 * max(left, 0.0):.1f} of {1e3 * height.max():.1f} mm "
-        "that open through the range of motion"
-    )
+    note = _opening(height, half_turned_height(joint, posed, hull))
     T_bone_bind = body.skin.T_bone_bind[regions.joint[joint.region]]
     collider = _collider(f"joint_{bone}", bone, hull, T_bone_bind, share=SHARE)
     return collider, _figures(collider.name, inner, hull, inner.vertices, note)

@@ -2,9 +2,10 @@
 
 The rigid regions' hulls fit in the bind pose; when a joint turns, a wedge opens on its outer side.
 Sun et al. 2007, section 3.1, put a sphere about the joint that contains the flexible vertices.
-That fits elbows and wrists; about a hip or in the trunk it would stand off the body by
-centimetres. Where it would, a hull of the skin that both bones move alike takes its place, turning
-by half the joint's rotation as that skin does.
+About a hip or in the trunk that would stand off the body by centimetres. Ours lies just under the
+skin of the bind pose and turns by half the joint's rotation, as skin does that both bones move
+alike; of all such spheres it is the one that leaves least of the wedge open. Where a sphere leaves
+most of it, as in the flat trunk, a hull of that skin takes its place.
 """
 
 from dataclasses import dataclass
@@ -18,21 +19,26 @@ from garment_sim_ros.colliders.hull import Hull, convex_hull
 from garment_sim_ros.colliders.range_of_motion import joint_rotations
 from garment_sim_ros.colliders.regions import Regions
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.jit import exact_kernel
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import invert_transform
 
 FloatArray = NDArray[np.float64]
 
 SHARE = 0.5
-"""Share of the joint's rotation that a joint's hull takes part in."""
+"""Share of the joint's rotation that a joint's collider takes part in."""
 _BAND = (0.25, 0.75)
 """Weights of the lower bone between which skin belongs to a joint's hull."""
-_COVERED = 0.001
+_COVERED = 0.004
 """Skin that leaves the colliders by less than this needs no further one [m]."""
-_FAT = 0.008
-"""Farthest that a sphere may stand off the skin nearest to the joint [m]."""
-_SAMPLES = 250
+_OVER = 0.003
+"""How far a joint's sphere may stand over the skin nearest to it [m]."""
+_ENOUGH = 0.4
+"""A collider is worth it if it leaves at most this share of the squared gaps open."""
+_SAMPLES = 120
 """Most skin points that are moved through a joint's range."""
+_CENTRES = 15
+"""Skin points towards which a sphere's centre is looked for."""
 
 
 @dataclass(frozen=True)
@@ -114,8 +120,8 @@ def gaps(joint: Joint, hulls: list[tuple[int, Hull]]) -> tuple[FloatArray, Float
         if (hull.vertices.min(axis=0) > high).any() or (hull.vertices.max(axis=0) < low).any():
             continue
         seen = posed @ joint.rotations if region in joint.below else posed
-        own = hull.height(seen.reshape(-1, 3) + joint.centre).reshape(height.shape)
-        np.minimum(height, own, out=height)
+        at = np.ascontiguousarray(seen + joint.centre).reshape(-1, 3)
+        _lower_to_hull(at, hull.planes, height.reshape(-1))
     return posed, height
 
 
@@ -137,6 +143,37 @@ def band_hull(body: Body, regions: Regions, joint: Joint) -> Hull | None:
         return None
 
 
+def covering_sphere(
+    joint: Joint, posed: FloatArray, height: FloatArray, skin: MeshDistance
+) -> tuple[FloatArray, float, FloatArray]:
+    """The half-turning sphere in the skin that leaves least of the gaps open.
+
+    Args:
+        joint: The joint.
+        posed: As from `gaps`.
+        height: As from `gaps`.
+        skin: The skin in the bind pose.
+
+    Returns:
+        Centre in the bind pose [m], shape [3], radius [m], and distances to the sphere, shape
+        [k, n].
+    """
+    both = (joint.weight > 0.02) & (joint.weight < 0.98)
+    points = joint.points[both] if both.any() else joint.points
+    arm = points[:: max(1, len(points) // _CENTRES)] - joint.centre
+    offset = np.concatenate([np.zeros((1, 3)), 0.25 * arm, 0.5 * arm, 0.75 * arm])
+    depth = -skin.signed_distance(offset + joint.centre)[0]
+    deep = depth >= 0.3 * depth.max()
+    seen = posed @ _halves(joint.rotations)
+    best = (np.inf, offset[0], 0.0, height)
+    for at, radius in zip(offset[deep], np.maximum(depth[deep], 0.0) + _OVER):
+        distance = np.linalg.norm(seen - at, axis=-1) - radius
+        left = open_gaps(np.minimum(height, distance))
+        if left < best[0]:
+            best = (left, at, float(radius), distance)
+    return best[1] + joint.centre, best[2], best[3]
+
+
 def half_turned_height(joint: Joint, posed: FloatArray, hull: Hull) -> FloatArray:
     """Distances to the planes of a hull that turns by `SHARE`, like those of `gaps`."""
     half = _halves(joint.rotations)
@@ -155,6 +192,29 @@ def is_covered(height: FloatArray) -> bool:
     return height.size == 0 or float(height.max()) <= _COVERED
 
 
-def fits_sphere(joint: Joint, radius: float) -> bool:
-    """Whether a sphere about the joint stays near the skin."""
-    return radius <= max(joint.depth, 0.0) + _FAT
+def open_gaps(height: FloatArray) -> float:
+    """Sum of the squares of what sticks out [m^2]."""
+    return float(np.square(np.maximum(height, 0.0)).sum())
+
+
+def is_worth_it(height: FloatArray, own: FloatArray) -> bool:
+    """Whether a collider with the distances `own` closes most of the gaps."""
+    return open_gaps(np.minimum(height, own)) <= _ENOUGH * open_gaps(height)
+
+
+@exact_kernel()
+def _lower_to_hull(points, planes, height):
+    """Take the smaller of each height and that over a hull's planes."""
+    for p in range(points.shape[0]):
+        most = -np.inf
+        for f in range(planes.shape[0]):
+            above = (
+                planes[f, 0] * points[p, 0]
+                + planes[f, 1] * points[p, 1]
+                + planes[f, 2] * points[p, 2]
+                - planes[f, 3]
+            )
+            most = max(most, above)
+            if most >= height[p]:
+                break
+        height[p] = min(height[p], most)

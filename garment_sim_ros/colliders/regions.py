@@ -16,7 +16,7 @@ from garment_sim_ros.body.skin import Body, Skin
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
-_ALSO = ("upperChest", "leftToes", "rightToes")
+_ALSO = ("upperChest",)
 """Bones that are not major but bend so far from the one above that hulls need them."""
 _FLEXIBLE = 0.02
 """A vertex on which two bones have at least this weight is flexible."""
