@@ -24,6 +24,7 @@ from garment_sim_ros.colliders.ellipsoids import (
 from garment_sim_ros.colliders.fit_report import fit_report
 from garment_sim_ros.colliders.hull_report import hull_report
 from garment_sim_ros.colliders.hulls import fit_hulls
+from garment_sim_ros.colliders.mixed import fit_mixed
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.segmentation import REGIONS
 from garment_sim_ros.colliders.surfaces import surface
@@ -36,14 +37,19 @@ from garment_sim_ros.tradeoff.render import Camera, Surface, render
 
 EXAMPLE = "garment-sim fit avatar.glb --out colliders.json --preview colliders.png"
 
-METHODS = ("capsule", "sphere", "ellipsoid", "hull")
+METHODS = ("capsule", "sphere", "ellipsoid", "hull", "auto")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("body", metavar="BODY", help="body file, or mannequin")
-    parser.add_argument("--method", choices=METHODS, default="hull", help="kind of collider")
-    group = parser.add_argument_group("of the method hull")
+    parser.add_argument(
+        "--method",
+        choices=METHODS,
+        default="hull",
+        help="kind of collider; auto: for each part the tightest at equal run-time cost",
+    )
+    group = parser.add_argument_group("of the methods hull and auto")
     for name, declared in declarations(HullSettings).items():
         group.add_argument(
             f"--{name.replace('_', '-')}",
@@ -114,6 +120,20 @@ def _fit(body: Body, args: argparse.Namespace) -> tuple[ColliderSet, dict[str, A
             if shape.kind != "hull":
                 print(f"{shape.name}: {shape.kind}, {shape.note}")
         return fit.colliders, {"shapes": hull_report(fit)}
+    if args.method == "auto":
+        settings = {name: getattr(args, name) for name in declarations(HullSettings)}
+        mixed, report = fit_mixed(
+            body, validated(HullSettings, settings), segmentation=args.segmentation
+        )
+        for note in report["assumed"]:
+            print(f"assumed: {note}")
+        for name, part in report["parts"].items():
+            figures = ", ".join(
+                f"{kind} {part[kind]['mean_mm']:.1f} mm for {part[kind]['cost_ns']:.0f} ns"
+                for kind in ("hull", "ellipsoid", "capsule")
+            )
+            print(f"{name}: {part['chosen']} ({figures})")
+        return mixed, {"auto": report}
     if args.method != "ellipsoid":
         return {"capsule": fit_capsules, "sphere": fit_spheres}[args.method](body), {}
     mu_regions = {}

@@ -1,11 +1,9 @@
 """Ellipsoids on a moving body (the future work that Gong et al. name).
 
-Every ellipsoid rides on the bone that carries most of its skin. One whose skin is shared by
-several bones, at a joint, does not fit once the joint bends; for those there are two better ways:
-
-* ``blended``: it is moved by the mean of its vertices' linear blend maps, which are affine: it
-  stays an ellipsoid and follows the bend at the price of a few 3 x 3 products.
-* ``refitted``: the smallest ellipsoid around its vertices where they are in this pose.
+Every ellipsoid rides on the bone that carries most of its skin. One at a joint, whose skin several
+bones share, does not fit once the joint bends; `refitted` finds the smallest ellipsoid around its
+vertices where they are in a pose. That takes longer than a frame: nodes carry ellipsoids on one
+bone each, and refitting tells what that costs in accuracy.
 """
 
 import numpy as np
@@ -47,9 +45,8 @@ class EllipsoidBinding:
         self._share = share
         self._bone = share.argmax(axis=1)
         self.at_joint: IntArray = np.flatnonzero(share.max(axis=1) < _SHARED).astype(np.int32)
-        self._centre = np.stack([e.centre for e in fit.ellipsoids])
-        self._axes = np.stack([e.axes for e in fit.ellipsoids])
-        self._radii = np.stack([e.radii for e in fit.ellipsoids])
+        posed = fit.posed()
+        self._centre, self._axes, self._radii = posed.centre, posed.axes, posed.radii
 
     def static(self, T_world_joint: FloatArray) -> PosedEllipsoids:
         """Each on its one bone; transforms of the rig's joints have shape [n, 4, 4]."""

@@ -24,6 +24,7 @@ from garment_sim_ros.colliders.segmentation import (
     segment,
 )
 from garment_sim_ros.errors import ParameterError
+from garment_sim_ros.geometry.ellipsoid_poses import PosedEllipsoids
 from garment_sim_ros.geometry.mvee import Ellipsoid, mvee
 from garment_sim_ros.geometry.shapes import Collider, ColliderSet
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
@@ -31,11 +32,15 @@ from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transfor
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
+PARTS = ("torso", *REGIONS[:9])
+"""Parts of a body that are refined one by one: the torso's six regions together."""
 SEGMENTATIONS = ("auto", "rig", "surface", "table1", "none")
 COVERS = ("triangles", "vertices")
 MU_TORSO, MU_LIMB = 0.018, 0.012
 """Default thresholds of the fit error [m]."""
 MOST = 1000
+_ALWAYS = 1e-9
+"""A threshold that every fit error exceeds [m]."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,14 @@ class EllipsoidFit:
     def mean_error(self) -> float:
         """Equation (6) over all vertices [m]."""
         return float(self.error[self.label].mean())
+
+    def posed(self) -> PosedEllipsoids:
+        """The ellipsoids where they were fitted, in the bind pose."""
+        return PosedEllipsoids(
+            np.stack([e.centre for e in self.ellipsoids]),
+            np.stack([e.axes for e in self.ellipsoids]),
+            np.stack([e.radii for e in self.ellipsoids]),
+        )
 
     def report(self) -> dict[str, Any]:
         """Counts and errors, whole and by region, and what the segmentation assumed."""
@@ -109,6 +122,13 @@ def fit_ellipsoids(
         if not 0.0 <= value < np.inf:
             raise ParameterError(name, f"found {value!r}", "allowed: 0 m or more")
     fit = ellipsoids_around(body, **options)
+    shapes = ellipsoid_colliders(body, fit, delta)
+    frames = frame_colliders(major_bones(body))
+    return ColliderSet(colliders=(*shapes, *frames), thickness=thickness), fit.report()
+
+
+def ellipsoid_colliders(body: Body, fit: EllipsoidFit, delta: float) -> list[Collider]:
+    """Ellipsoids on the major bones that carry most of their skin, inflated by `delta` [m]."""
     bones = major_bones(body)
     weights = bone_weights(body.skin, bones)
     colliders = []
@@ -125,8 +145,7 @@ def fit_ellipsoids(
                 geometry={"radii": e.radii + delta},
             )
         )
-    made = ColliderSet(colliders=(*colliders, *frame_colliders(bones)), thickness=thickness)
-    return made, fit.report()
+    return colliders
 
 
 def ellipsoids_around(
@@ -140,6 +159,7 @@ def ellipsoids_around(
     segmentation: str = "auto",
     sex: str = "female",
     cover: str = "triangles",
+    counts: Mapping[str, int] | None = None,
 ) -> EllipsoidFit:
     """Fit ellipsoids to a body's skin in its bind pose.
 
@@ -158,6 +178,8 @@ def ellipsoids_around(
         sex: For the paper's constants.
         cover: ``triangles``: every triangle is inside one ellipsoid, and so is the whole skin
             inside their union; ``vertices``, as in the paper.
+        counts: Ellipsoids of each of `PARTS` (or of ``body`` without segmentation), instead of
+            thresholds; the torso has at least 6.
 
     Raises:
         GeometryError: The body cannot be segmented.
@@ -186,7 +208,10 @@ def ellipsoids_around(
     x = body.skin.vertices
     if segmentation == "none":
         whole = Clustering.start(x, np.zeros(len(x), np.int32), sigma=0.0, use_rule=False)
-        refine([whole], [min(mu_torso, mu_limb)], max_ellipsoids)
+        if counts is None:
+            refine([whole], [min(mu_torso, mu_limb)], max_ellipsoids)
+        else:
+            refine([whole], [_ALWAYS], counts["body"])
         return _gathered(body, [(np.arange(len(x)), whole, ("body",))], None, cover)
 
     divided = segment_body(body, segmentation, sex=sex)
@@ -199,7 +224,11 @@ def ellipsoids_around(
         mine = first[np.isin(region, group)]
         parts.append((mine, Clustering.start(x[mine], divided.region[mine], sigma=sigma), group))
         thresholds_of_parts.append(min(thresholds[REGIONS[i]] for i in group))
-    refine([part for _, part, _ in parts], thresholds_of_parts, max_ellipsoids)
+    if counts is None:
+        refine([part for _, part, _ in parts], thresholds_of_parts, max_ellipsoids)
+    else:
+        for name, (_, part, _) in zip(PARTS, parts):
+            refine([part], [_ALWAYS], counts[name])
     named = [(mine, part, tuple(REGIONS[i] for i in group)) for mine, part, group in parts]
     return _gathered(body, named, divided, cover)
 

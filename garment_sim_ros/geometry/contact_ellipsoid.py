@@ -55,8 +55,14 @@ def nearest_on_ellipsoid(px, py, pz, rx, ry, rz):
     ux = rx * ax
     uy = ry * ay
     uz = rz * az
-    # The root is not below any value at which one term alone is 1.
-    t = max(ux - x2, uy - y2, uz - z2)
+    # The root is not below any value at which one term alone is 1. The guess is the distance to
+    # first order, good near the surface; from above the root, the first step passes it.
+    lowest = max(ux - x2, uy - y2, uz - z2)
+    ex = ax / x2
+    ey = ay / y2
+    ez = az / z2
+    total = ax * ex + ay * ey + az * ez
+    t = max(lowest, (total - np.sqrt(total)) / (ex * ex + ey * ey + ez * ez))
     for _ in range(_STEPS):
         dx = t + x2
         dy = t + y2
@@ -70,8 +76,8 @@ def nearest_on_ellipsoid(px, py, pz, rx, ry, rz):
         total = ex + ey + ez
         length = np.sqrt(total)
         step = (length - 1.0) * total / (ex / dx + ey / dy + ez / dz)
-        t += step
-        if abs(length - 1.0) < 1e-6:
+        t = max(lowest, t + step)
+        if abs(length - 1.0) < 3e-4:  # squared by the step just made
             break
     gx = ax / (t + x2)
     gy = ay / (t + y2)
