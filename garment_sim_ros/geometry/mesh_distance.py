@@ -46,7 +46,7 @@ class MeshDistance:
             depth += 1
         self._depth = depth
         self._order = np.arange(len(triangles), dtype=np.int32)
-        _sort_triangles(x[triangles].mean(axis=1), self._order, depth)
+        sort_triangles(x[triangles].mean(axis=1), self._order, depth)
         self._triangles = np.ascontiguousarray(triangles[self._order])
         self._edge, self._edge_count = _edge_numbers(self._triangles)
         self._x = x
@@ -106,7 +106,7 @@ class MeshDistance:
             self._edge_normal,
             self._vertex_normal,
         )
-        _refit_boxes(self._x, self._triangles, self._boxes, self._depth)
+        refit_boxes(self._x, self._triangles, self._boxes, self._depth)
 
 
 def _edge_numbers(triangles: IntArray) -> tuple[IntArray, int]:
@@ -118,7 +118,7 @@ def _edge_numbers(triangles: IntArray) -> tuple[IntArray, int]:
 
 
 @exact_kernel()
-def _sort_triangles(centroids, order, depth):
+def sort_triangles(centroids, order, depth):
     """Order triangles so that every node's range is split in half along its longest axis."""
     n = order.shape[0]
     for level in range(depth):
@@ -161,7 +161,7 @@ def _sort_triangles(centroids, order, depth):
 
 
 @kernel()
-def _refit_boxes(x, triangles, boxes, depth):
+def refit_boxes(x, triangles, boxes, depth):
     """Boxes (low xyz, high xyz) of all nodes, leaves first."""
     n = triangles.shape[0]
     first_leaf = (1 << depth) - 1
@@ -214,7 +214,7 @@ def _pseudo_normals(x, triangles, edge, face_normal, edge_normal, vertex_normal)
 
 
 @kernel()
-def _box_distance2(box, px, py, pz):
+def box_distance2(box, px, py, pz):
     """Squared distance of a point to a box, 0 inside."""
     dx = max(box[0] - px, 0.0, px - box[3])
     dy = max(box[1] - py, 0.0, py - box[4])
@@ -263,7 +263,7 @@ def closest_on_triangle(a, b, c, px, py, pz):
 
 
 @exact_kernel()
-def _closest_point(x, triangle, px, py, pz):
+def closest_point(x, triangle, px, py, pz):
     """Squared distance, closest point and feature of one triangle."""
     a = x[triangle[0]]
     b = x[triangle[1]]
@@ -305,7 +305,7 @@ def _signed_distance(
             triangle[i] = -1
             continue
         # The previous point's triangle bounds the search from the start.
-        best_distance2, best_x, best_y, best_z, best_feature = _closest_point(
+        best_distance2, best_x, best_y, best_z, best_feature = closest_point(
             x, triangles[best], px, py, pz
         )
         stack[0] = 0
@@ -317,8 +317,8 @@ def _signed_distance(
             reachable = stack_distance2[top] < best_distance2
             while reachable and node < first_leaf:
                 left = 2 * node + 1
-                d_left = _box_distance2(boxes[left], px, py, pz)
-                d_right = _box_distance2(boxes[left + 1], px, py, pz)
+                d_left = box_distance2(boxes[left], px, py, pz)
+                d_right = box_distance2(boxes[left + 1], px, py, pz)
                 near, far, d_near, d_far = left, left + 1, d_left, d_right
                 if d_right < d_left:
                     near, far, d_near, d_far = left + 1, left, d_right, d_left
@@ -332,7 +332,7 @@ def _signed_distance(
                 continue
             leaf = node - first_leaf
             for t in range((leaf * n) >> depth, ((leaf + 1) * n) >> depth):
-                d2, cx, cy, cz, feature = _closest_point(x, triangles[t], px, py, pz)
+                d2, cx, cy, cz, feature = closest_point(x, triangles[t], px, py, pz)
                 if d2 < best_distance2:
                     best_distance2, best_x, best_y, best_z = d2, cx, cy, cz
                     best_feature = feature
