@@ -10,10 +10,11 @@ of one thread, medians, after one warm-up.
 """
 
 import argparse
+import itertools
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,10 +35,13 @@ from garment_sim_ros.colliders.hulls import fit_hulls
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.regions import vertex_areas
 from garment_sim_ros.errors import GarmentSimError
+from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
-from garment_sim_ros.geometry.contact import Contacts, Sides, collide, shape_distance
+from garment_sim_ros.geometry.contact import Contacts, collide
+from garment_sim_ros.geometry.contact_distance import shape_distance
 from garment_sim_ros.geometry.contact_hull import hull_planes
 from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
+from garment_sim_ros.geometry.contact_sides import Sides
 from garment_sim_ros.geometry.hull_location import HullLocator
 from garment_sim_ros.geometry.obb import oriented_box
 from garment_sim_ros.geometry.outer_map import outer_map
@@ -46,6 +50,8 @@ from garment_sim_ros.geometry.transforms import invert_transform
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import sample
 from garment_sim_ros.params import HullSettings
+from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.solvers import relaxation
 
 BODIES = (
     "mannequin",
@@ -296,12 +302,54 @@ def clips(data: Path) -> dict[str, Any]:
     return results
 
 
+def walked(outfits: Sequence[Garment], colliders: ColliderSet, body: Body) -> dict[str, list[Any]]:
+    """What each garment brings to its collisions in 30 steps of the walk, after 1.5 s of it."""
+    clip = load_clip("walk")
+    poser, retargeter = ColliderPoser(colliders, body), Retargeter(clip.rig, body)
+    simulation = Simulation(outfits, colliders)
+    brought: dict[str, list[Any]] = {name: [] for name in simulation.names}
+    seen = itertools.cycle(simulation.names)
+
+    def note(shapes, posed, sides, x, x_start, thickness, friction, contacts):  # type: ignore[no-untyped-def]
+        if frame >= 90:
+            still = PosedShapes(*(a.copy() for a in posed))
+            step = (shapes, still, sides, x.copy(), x_start.copy(), thickness, friction)
+            brought[next(seen)].append(step)
+        return collide(shapes, posed, sides, x, x_start, thickness, friction, contacts)
+
+    relaxation.collide = note
+    start = poser.poses(retargeter.world_joints(sample(clip, 0.0))).copy()
+    frame = 0
+    simulation.reset(start)
+    for frame in range(100):
+        t = (frame + 1) / 60 % clip.duration
+        end = poser.poses(retargeter.world_joints(sample(clip, t))).copy()
+        simulation.advance(start, end, 1 / 60)
+        start = end
+    relaxation.collide = collide
+    return brought
+
+
+def again(steps: list[Any], times: int) -> float:
+    """Median milliseconds of those collisions, each particle doubled so many times."""
+    shapes, _, sides, x, *_ = steps[0]
+    rng = np.random.default_rng(0)
+    wide = Sides.of(np.repeat(np.arange(len(x)), times), sides.side.T)
+    contacts = Contacts.room_for(times * len(x), len(shapes.kind))
+    off = rng.normal(0, 0.003 if times > 1 else 0.0, (times * len(x), 3)).astype(np.float32)
+    took = []
+    for _, posed, _, x, x_start, thickness, friction in steps * 4:
+        work, before = np.repeat(x, times, axis=0) + off, np.repeat(x_start, times, axis=0)
+        begin = time.thread_time()
+        collide(shapes, posed, wide, work, before, thickness, friction, contacts)
+        took.append(time.thread_time() - begin)
+    return 1e3 * float(np.median(took[len(steps) :]))
+
+
 def contact() -> dict[str, Any]:
     """Milliseconds of collision per step: T-shirt and skirt on the walking mannequin."""
     results = {}
     body = load_body("mannequin")
-    clip = load_clip("walk")
-    retargeter = Retargeter(clip.rig, body)
     sets = collider_sets(body)
     sets["14 hulls and spheres"] = fit_hulls(
         body, HullSettings(merge=0.012, split=1.0, joints="spheres")
@@ -310,34 +358,16 @@ def contact() -> dict[str, Any]:
         sets[f"hull, {faces} faces"] = fit_hulls(body, HullSettings(max_faces=faces)).colliders
     outfits = load_outfit("tshirt_short_skirt", body).garments
     for name, colliders in sets.items():
-        poser = ColliderPoser(colliders, body)
-        shapes = pack(colliders)
-        posed = PosedShapes.room_for(shapes)
-        poses = poser.poses(retargeter.world_joints(sample(clip, 0.0)))
-        rest = poser.poses(invert_transform(body.skin.T_bone_bind)).copy()
-        pose(shapes, rest, rest, np.zeros(3), posed)
         row = {}
-        for garment in outfits:
+        for garment, steps in walked(outfits, colliders, body).items():
             for times in (1, 10):
-                rng = np.random.default_rng(0)
-                x = np.repeat(garment.vertices, times, axis=0)
-                x += rng.normal(0, 0.003 if times > 1 else 0.0, x.shape)
-                start = x.astype(np.float32)
-                work = start.copy()
-                contacts = Contacts.room_for(len(x), len(shapes.kind))
-                sides = Sides.all_under(len(x), len(shapes.kind))
-
-                def step(
-                    shapes=shapes, posed=posed, sides=sides, work=work, start=start, c=contacts
-                ):
-                    work[:] = start
-                    collide(shapes, posed, sides, work, start, 0.002, 0.3, c)
-
-                row[f"{garment.name} x {times}"] = 1e3 * median(30, step)
-        pose_ms = 1e3 * median(
-            30, lambda s=shapes, p=poses, q=posed: pose(s, p, p, np.zeros(3), q)
+                row[f"{garment} x {times}"] = again(steps, times)
+        row["both"] = sum(v for k, v in row.items() if k.endswith(" x 1"))
+        shapes, posed = steps[0][:2]
+        still = ColliderPoses.identity(len(colliders))
+        row["posing"] = 1e3 * median(
+            30, lambda s=shapes, p=still, q=posed: pose(s, p, p, np.zeros(3), q)
         )
-        row["posing"] = pose_ms
         kinds = [c.kind for c in colliders.colliders]
         results[name] = row
         print(

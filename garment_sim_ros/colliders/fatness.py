@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.colliders.surfaces import surface
-from garment_sim_ros.geometry.contact import shape_distance
+from garment_sim_ros.geometry.contact_distance import shape_distance
 from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
 from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.geometry.mesh_distance import MeshDistance

@@ -1,8 +1,9 @@
 """Particles against a set of collider shapes: points in, corrected points and normals out.
 
-All particles of a garment meet all shapes (`contact_shapes`) in one pass. Neighbouring particles
-go together: shapes whose box does not touch the block's box are rejected for all of it, and the
-others' bounding capsules for all its particles in one vector loop.
+All particles of a garment meet all shapes in one pass. Shapes whose box does not touch the
+garment's are out; so are, for each block of neighbouring particles, those whose box does not
+touch the block's. Distances to the others are found for the whole block at once. Most particles
+in contact are in one shape, far enough from the next one that nothing else can matter.
 """
 
 from typing import NamedTuple
@@ -10,30 +11,40 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.geometry.contact_capsule import capsule_distance
-from garment_sim_ros.geometry.contact_ellipsoid import ellipsoid_distance
-from garment_sim_ros.geometry.contact_hull import hull_distance_if_any
+from garment_sim_ros.geometry.contact_block import (
+    DISTANCE,
+    NEAREST,
+    NEXT,
+    OUTER,
+    ROWS,
+    WHICH,
+    capsule_distances,
+    hull_distances_if_any,
+    keep_nearest,
+    keep_nearest_by_side,
+    load_block,
+)
+from garment_sim_ros.geometry.contact_distance import deepest_shape, shape_distance
+from garment_sim_ros.geometry.contact_friction import resist_slip
 from garment_sim_ros.geometry.contact_nearby import (
-    gap_to_bounds,
-    shapes_near_block,
+    DIAGONAL,
+    shapes_near_box,
     shapes_near_particle,
+    shapes_on_side,
 )
 from garment_sim_ros.geometry.contact_shapes import PackedShapes, PosedShapes
-from garment_sim_ros.geometry.contact_sphere import sphere_distance
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.geometry.contact_sides import OPPOSED, PASSING, UNDER, Sides
+from garment_sim_ros.geometry.contact_union import give_way, leave_all, leave_union
+from garment_sim_ros.geometry.jit import lean_kernel
 from garment_sim_ros.geometry.locality import BLOCK
 from garment_sim_ros.geometry.shapes import KINDS
 
 SingleArray = NDArray[np.float32]
 IntArray = NDArray[np.int32]
 
-_SPHERE = KINDS.index("sphere")
-_ELLIPSOID = KINDS.index("ellipsoid")
 _HULL = KINDS.index("hull")
-_PROJECTIONS = 8
-_MARCHING_STEPS = 64
-_FARTHEST = 4.0
-_GRAZE = 0.02
+_ROUNDING = 1e-6
+"""Error of a distance that is computed in one way or another, as a share of the coordinates."""
 
 
 class Contacts(NamedTuple):
@@ -43,16 +54,25 @@ class Contacts(NamedTuple):
         shape: Index of the deepest shape among m packed ones, -1 without contact, shape [n].
         normal: Its outward unit normal, set where there is contact, shape [n, 3].
         depth: How deep the particle was in it [m], set where there is contact, shape [n].
-        nearby: Scratch: the shapes near one block; those of them near one particle that are under
-            the cloth, that pass it, and that oppose it; and all that are under it; shape [5, m].
-        gap: Scratch: how far each particle of a block is from any bound [m^2], shape [BLOCK].
+        near: Scratch: shapes near a block, shape [m + 1].
+        distance: Scratch: distances of its particles to those [m], shape [m * BLOCK].
+        found: Scratch: shapes near a particle, shape [m + 1].
+        least: Scratch: their distances [m], shape [m + 1].
+        block: Scratch, see `contact_block`.
+        cell: Scratch, see `hull_distances`.
+        lane: See `cell`.
     """
 
     shape: IntArray
     normal: SingleArray
     depth: SingleArray
-    nearby: IntArray
-    gap: SingleArray
+    near: IntArray
+    distance: SingleArray
+    found: IntArray
+    least: SingleArray
+    block: SingleArray
+    cell: IntArray
+    lane: IntArray
 
     @classmethod
     def room_for(cls, particles: int, shapes: int) -> "Contacts":
@@ -61,312 +81,228 @@ class Contacts(NamedTuple):
             shape=np.full(particles, -1, np.int32),
             normal=np.zeros((particles, 3), np.float32),
             depth=np.zeros(particles, np.float32),
-            nearby=np.zeros((5, shapes), np.int32),
-            gap=np.zeros(BLOCK, np.float32),
+            near=np.zeros(shapes + 1, np.int32),
+            distance=np.zeros(shapes * BLOCK, np.float32),
+            found=np.zeros(shapes + 1, np.int32),
+            least=np.zeros(shapes + 1, np.float32),
+            block=np.zeros(ROWS * BLOCK, np.float32),
+            cell=np.zeros(BLOCK, np.int32),
+            lane=np.zeros(BLOCK + 1, np.int32),
         )
 
 
-UNDER, PASSING, OPPOSED = 0, 1, 2
-"""Sides on which a shape can be of a particle, see `Sides`."""
+@lean_kernel(forceinline=True)
+def _length(x, y, z):
+    return np.sqrt(x * x + y * y + z * z)
 
 
-class Sides(NamedTuple):
-    """On which side of the cloth the shapes are, for groups of particles.
-
-    `UNDER` the cloth: it lies on them, always. `PASSING`: what the garment is not worn on, such as
-    a hand along a skirt, only brushes it. `OPPOSED`: what the garment is worn on elsewhere, such
-    as the arm at the side of a shirt; where it presses into what is under the cloth, the cloth
-    goes halfway between the two.
-
-    Attributes:
-        row: The group of each particle, shape [n].
-        side: Side of each shape for each group, shape [r, m].
-    """
-
-    row: IntArray
-    side: NDArray[np.int8]
-
-    @classmethod
-    def of(cls, row: IntArray, side: NDArray[np.int8]) -> "Sides":
-        """From the group of each particle and the sides for each group."""
-        return cls(
-            row=np.ascontiguousarray(row, dtype=np.int32),
-            side=np.ascontiguousarray(side, dtype=np.int8),
-        )
-
-    @classmethod
-    def all_under(cls, particles: int, shapes: int) -> "Sides":
-        """All shapes are absolute constraints."""
-        return cls.of(np.zeros(particles, np.int32), np.full((1, shapes), UNDER, np.int8))
-
-
-@kernel(forceinline=True)
-def shape_distance(shapes, posed, k, px, py, pz, reach):
-    """Signed distance of a point to shape k, infinite above `reach`, and the direction out."""
-    qx = px - posed.centre[k, 0]
-    qy = py - posed.centre[k, 1]
-    qz = pz - posed.centre[k, 2]
-    if shapes.kind[k] == _SPHERE:
-        return sphere_distance(qx, qy, qz, shapes.size[k, 0], reach)
-    if shapes.kind[k] == _HULL:
-        return hull_distance_if_any(shapes, posed, k, qx, qy, qz, reach)
-    if shapes.kind[k] == _ELLIPSOID:
-        return ellipsoid_distance(
-            qx,
-            qy,
-            qz,
-            posed.rotation[k],
-            shapes.size[k, 0],
-            shapes.size[k, 1],
-            shapes.size[k, 2],
-            reach,
-        )
-    return capsule_distance(
-        qx,
-        qy,
-        qz,
-        posed.rotation[k, 0, 2],
-        posed.rotation[k, 1, 2],
-        posed.rotation[k, 2, 2],
-        shapes.size[k, 0],
-        shapes.size[k, 1],
-        shapes.size[k, 2],
-        shapes.size[k, 3],
-        reach,
-    )
-
-
-@kernel(forceinline=True)
-def deepest_shape(shapes, posed, nearby, row, count, px, py, pz, reach):
-    """The one of the first `count` shapes in a row of `nearby` that is nearest to a point, signed.
-
-    Returns:
-        Distance [m], unit direction out of the shape, and the shape's index; infinity and -1
-        where no distance is at most `reach`.
-    """
-    best = np.float32(np.inf)
-    bx = by = bz = np.float32(0.0)
-    found = -1
-    for c in range(count):
-        k = nearby[row, c]
-        d, nx, ny, nz = shape_distance(shapes, posed, k, px, py, pz, reach)
-        if d < best:
-            best = d
-            bx = nx
-            by = ny
-            bz = nz
-            found = k
-    return best, bx, by, bz, found
-
-
-@kernel(forceinline=True)
-def leave_union(shapes, posed, nearby, row, count, px, py, pz, thickness):
-    """Moves a point out of the union of shapes, each inflated by `thickness`.
-
-    The rule does not depend on the order of the shapes. Out of the deepest one first: leaving a
-    shallower one by its own depth would not get the point out of the deeper. Where that ends
-    inside a neighbour this repeats, which walks to the crease between the two; where it walks
-    slowly, the rest of the way is marched in the mean direction of the normals met. Where shapes
-    oppose each other (an arm that lies in the side, closed legs) the crease may be far away, and
-    cloth that is squeezed out to it would be torn off its neighbours: a point that is not free
-    within `_FARTHEST` times its depth is pinched, and goes halfway between the two places where
-    the deepest shape, and then the next one, let go of it.
-
-    Returns:
-        The point: at `thickness` from the nearest shape, or pinched between shapes.
-    """
-    # Rounding of a distance between coordinates of this size; not a length of the scene.
-    ulp = np.float32(4e-7) * (abs(px) + abs(py) + abs(pz))
-    sx = px
-    sy = py
-    sz = pz
-    mx = my = mz = np.float32(0.0)
-    hx = hy = hz = np.float32(0.0)
-    farthest = np.float32(0.0)
-    for attempt in range(_PROJECTIONS + _MARCHING_STEPS):
-        d, nx, ny, nz, _ = deepest_shape(shapes, posed, nearby, row, count, px, py, pz, thickness)
-        depth = thickness - d
-        ux = px - sx
-        uy = py - sy
-        uz = pz - sz
-        if attempt >= 2 and ux * ux + uy * uy + uz * uz > farthest * farthest:
-            return hx, hy, hz
-        if not depth > ulp:
-            return px, py, pz
-        if attempt < _PROJECTIONS:
-            mx += nx
-            my += ny
-            mz += nz
-            px += nx * depth
-            py += ny * depth
-            pz += nz * depth
-            if attempt == 0:
-                farthest = np.float32(_FARTHEST) * depth
-            if attempt < 2:
-                hx += np.float32(0.5) * px
-                hy += np.float32(0.5) * py
-                hz += np.float32(0.5) * pz
-            continue
-        if attempt == _PROJECTIONS:
-            length = np.sqrt(mx * mx + my * my + mz * mz)
-            if length < np.float32(1e-3):
-                return hx, hy, hz
-            mx /= length
-            my /= length
-            mz /= length
-        # To where the plane of the surface is met, but no farther than ten depths.
-        depth /= max(mx * nx + my * ny + mz * nz, np.float32(0.1))
-        px += mx * depth
-        py += my * depth
-        pz += mz * depth
-    return hx, hy, hz
-
-
-@kernel(forceinline=True)
-def give_way(shapes, posed, nearby, row, count, px, py, pz, thickness):
-    """Moves a point out of the deepest of the shapes that its garment does not lie on.
-
-    A hand that brushes a skirt pushes it, but only as long as it is not deeper than `_GRAZE`; from
-    there on it gets weaker, and from twice that depth on the hand passes through: pushed
-    on, the cloth would come out on its other side.
-
-    Returns:
-        The point, the unit direction in which it went, and the shape; -1 if there was none.
-    """
-    d, nx, ny, nz, k = deepest_shape(shapes, posed, nearby, row, count, px, py, pz, thickness)
-    depth = thickness - d
-    if not depth > np.float32(0.0):
-        return px, py, pz, nx, ny, nz, -1
-    graze = np.float32(_GRAZE)
-    push = min(depth, max(np.float32(0.0), graze + graze - depth))
-    return px + nx * push, py + ny * push, pz + nz * push, nx, ny, nz, k
-
-
-@kernel(forceinline=True)
-def resist_slip(carry, k, px, py, pz, sx, sy, sz, nx, ny, nz, depth, friction):
-    """Friction in terms of positions: takes away slip along a surface, as far as it is pressed.
-
-    The slip of a particle that moves from s to p past a shape with the unit normal n, where a
-    point that rides shape k moves as `carry[k]` says (see `PosedShapes`). What presses it is how
-    far it came towards the surface in this step; depth that was there before, as where it is
-    pinched, does not count again.
-
-    Returns:
-        The position with less slip, or none.
-    """
-    dx = (
-        px
-        - sx
-        - (carry[k, 0, 0] * sx + carry[k, 0, 1] * sy + carry[k, 0, 2] * sz + carry[k, 0, 3])
-    )
-    dy = (
-        py
-        - sy
-        - (carry[k, 1, 0] * sx + carry[k, 1, 1] * sy + carry[k, 1, 2] * sz + carry[k, 1, 3])
-    )
-    dz = (
-        pz
-        - sz
-        - (carry[k, 2, 0] * sx + carry[k, 2, 1] * sy + carry[k, 2, 2] * sz + carry[k, 2, 3])
-    )
-    along = dx * nx + dy * ny + dz * nz
-    dx -= along * nx
-    dy -= along * ny
-    dz -= along * nz
-    slip = np.sqrt(dx * dx + dy * dy + dz * dz)
-    limit = friction * min(depth, max(-along, np.float32(0.0)))
-    held = np.float32(1.0) if slip <= limit else limit / slip
-    return px - held * dx, py - held * dy, pz - held * dz
-
-
-@kernel()
+@lean_kernel()
 def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, contacts):
     """One pass over all particles; see `collide`."""
     zero = np.float32(0.0)
-    nearby = contacts.nearby
-    side = sides.side
-    count = 0
+    far = np.float32(np.inf)
+    near = contacts.near
+    found = contacts.found
+    least = contacts.least
+    block = contacts.block
+    distance = contacts.distance
+    flat = x.reshape(-1)
+    touching = 0
+    touched = contacts.shape
+    touched[:] = -1
     for begin in range(0, x.shape[0], BLOCK):
         end = min(begin + BLOCK, x.shape[0])
-        for p in range(begin, end):
-            contacts.shape[p] = -1
-        found, margin = shapes_near_block(posed, x, begin, end, thickness, nearby[0])
-        if found == 0:
+        x0, y0, z0, x1, y1, z1 = load_block(flat, begin, end, block)
+        # A particle that is not moved farther than this meets no shape that is left out here.
+        valid = thickness + np.float32(0.125) * max(x1 - x0, y1 - y0, z1 - z0)
+        margin = valid + np.float32(DIAGONAL) * thickness
+        count = shapes_near_box(posed.box, x0, y0, z0, x1, y1, z1, margin, near)
+        if count == 0:
             continue
-        gap_to_bounds(posed.bound, nearby[0, :found], x, begin, end, thickness, contacts.gap)
+        rounding = np.float32(_ROUNDING) * (
+            max(abs(x0), abs(x1)) + max(abs(y0), abs(y1)) + max(abs(z0), abs(z1)) + margin
+        )
+        rim = thickness + rounding
+        for c in range(count):
+            k = near[c]
+            if shapes.kind[k] == _HULL:
+                hull_distances_if_any(shapes, posed, k, rim, block, contacts.cell, contacts.lane)
+            else:
+                capsule_distances(shapes, posed, k, block)
+            if sides.mixed[begin // BLOCK, k]:
+                keep_nearest_by_side(k, sides.side, begin, block)
+            else:
+                keep_nearest(k, block)
+            for p in range(BLOCK):
+                distance[c * BLOCK + p] = block[DISTANCE + p]
         for p in range(begin, end):
-            if not contacts.gap[p - begin] < zero:
+            lane = p - begin
+            nearest = block[NEAREST + lane]
+            outer = block[OUTER + lane]
+            if not min(nearest, outer) < rim:
                 continue
-            px = x[p, 0]
-            py = x[p, 1]
-            pz = x[p, 2]
-            group = sides.row[p]
-            under, passing, opposed = shapes_near_particle(
-                posed.bound, side, group, nearby, found, px, py, pz, thickness + margin
-            )
+            ox = px = x[p, 0]
+            oy = py = x[p, 1]
+            oz = pz = x[p, 2]
             k = -1
-            nx = ny = nz = zero
-            if passing > 0:
-                px, py, pz, nx, ny, nz, k = give_way(
-                    shapes, posed, nearby, 2, passing, px, py, pz, thickness
+            nx = ny = nz = depth = zero
+            away = zero
+            if outer < rim:
+                n = shapes_near_particle(
+                    sides.side, p, PASSING, near, count, distance, lane, rim, found, least
                 )
-            d, mx, my, mz, m = deepest_shape(
-                shapes, posed, nearby, 1, under, px, py, pz, thickness
-            )
-            depth = thickness - d
-            if depth > zero:
-                k = m
-                nx = mx
-                ny = my
-                nz = mz
-            elif k < 0 and opposed == 0:
-                continue
-            if depth > zero:
-                if friction > zero:
-                    px, py, pz = resist_slip(
-                        posed.carry,
-                        k,
+                if n > 0:
+                    px, py, pz, nx, ny, nz, k = give_way(
+                        shapes, posed, found, least, n, px, py, pz, thickness, rounding
+                    )
+                    away = _length(px - ox, py - oy, pz - oz)
+            if nearest - away < rim:
+                if away == zero:
+                    m = np.int64(block[WHICH + lane])
+                    d, mx, my, mz = shape_distance(shapes, posed, m, px, py, pz, rim)
+                else:
+                    n = shapes_on_side(
+                        posed.box, sides.side, p, UNDER, px, py, pz, thickness, found, least
+                    )
+                    d, mx, my, mz, m = deepest_shape(
+                        shapes,
+                        posed,
+                        found,
+                        least,
+                        n,
+                        rounding,
                         px,
                         py,
                         pz,
-                        x_start[p, 0],
-                        x_start[p, 1],
-                        x_start[p, 2],
-                        nx,
-                        ny,
-                        nz,
-                        depth,
-                        friction,
+                        thickness,
+                        -1,
+                        far,
+                        zero,
+                        zero,
+                        zero,
                     )
-                if under == 1:
-                    # The way out of a single shape is its normal.
-                    d, mx, my, mz = shape_distance(shapes, posed, k, px, py, pz, thickness)
-                    depth = max(thickness - d, zero)
-                    qx = px + mx * depth
-                    qy = py + my * depth
-                    qz = pz + mz * depth
+                if thickness - d > zero:
+                    k = m
+                    nx = mx
+                    ny = my
+                    nz = mz
+                    depth = thickness - d
+                    if friction > zero:
+                        px, py, pz = resist_slip(
+                            posed.carry,
+                            k,
+                            px,
+                            py,
+                            pz,
+                            x_start[p, 0],
+                            x_start[p, 1],
+                            x_start[p, 2],
+                            nx,
+                            ny,
+                            nz,
+                            depth,
+                            friction,
+                        )
+                        d, mx, my, mz = shape_distance(shapes, posed, k, px, py, pz, rim)
+                    left = max(thickness - d, zero)
+                    qx = px + mx * left
+                    qy = py + my * left
+                    qz = pz + mz * left
+                    away = _length(qx - ox, qy - oy, qz - oz)
+                    if not block[NEXT + lane] - away > rim:
+                        n = shapes_near_particle(
+                            sides.side,
+                            p,
+                            UNDER,
+                            near,
+                            count,
+                            distance,
+                            lane,
+                            rim + valid,
+                            found,
+                            least,
+                        )
+                        qx, qy, qz, there = leave_union(
+                            shapes,
+                            posed,
+                            found,
+                            least,
+                            n,
+                            valid,
+                            ox,
+                            oy,
+                            oz,
+                            px,
+                            py,
+                            pz,
+                            k,
+                            d,
+                            mx,
+                            my,
+                            mz,
+                            thickness,
+                            rounding,
+                        )
+                        if not there:
+                            qx, qy, qz = leave_all(
+                                shapes,
+                                posed,
+                                sides.side,
+                                p,
+                                ox,
+                                oy,
+                                oz,
+                                px,
+                                py,
+                                pz,
+                                k,
+                                d,
+                                mx,
+                                my,
+                                mz,
+                                thickness,
+                                rounding,
+                                found,
+                                least,
+                            )
+                        away = _length(qx - ox, qy - oy, qz - oz)
+                    px = qx
+                    py = qy
+                    pz = qz
+            if outer - away < rim:
+                if away < valid:
+                    n = shapes_near_particle(
+                        sides.side,
+                        p,
+                        OPPOSED,
+                        near,
+                        count,
+                        distance,
+                        lane,
+                        rim + away,
+                        found,
+                        least,
+                    )
                 else:
-                    qx, qy, qz = leave_union(
-                        shapes, posed, nearby, 1, under, px, py, pz, thickness
+                    n = shapes_on_side(
+                        posed.box, sides.side, p, OPPOSED, ox, oy, oz, thickness, found, least
                     )
-                ux = qx - x[p, 0]
-                uy = qy - x[p, 1]
-                uz = qz - x[p, 2]
-                if ux * ux + uy * uy + uz * uz > margin * margin:
-                    everything = 0
-                    for other in range(shapes.kind.size):
-                        if side[group, other] == UNDER:
-                            nearby[4, everything] = other
-                            everything += 1
-                    qx, qy, qz = leave_union(
-                        shapes, posed, nearby, 4, everything, px, py, pz, thickness
-                    )
-                px = qx
-                py = qy
-                pz = qz
-            if opposed > 0:
                 d, mx, my, mz, m = deepest_shape(
-                    shapes, posed, nearby, 3, opposed, px, py, pz, thickness
+                    shapes,
+                    posed,
+                    found,
+                    least,
+                    n,
+                    away + rounding,
+                    px,
+                    py,
+                    pz,
+                    thickness,
+                    -1,
+                    far,
+                    zero,
+                    zero,
+                    zero,
                 )
                 if thickness - d > zero:
                     # All the way where nothing is under the cloth here, else half of it.
@@ -380,10 +316,10 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
                         ny = my
                         nz = mz
                         depth = way
-                elif k < 0:
-                    continue
-            count += 1
-            contacts.shape[p] = k
+            if k < 0:
+                continue
+            touching += 1
+            touched[p] = k
             contacts.normal[p, 0] = nx
             contacts.normal[p, 1] = ny
             contacts.normal[p, 2] = nz
@@ -391,7 +327,7 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
             x[p, 0] = px
             x[p, 1] = py
             x[p, 2] = pz
-    return count
+    return touching
 
 
 def collide(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.geometry.jit import lean_kernel
 
 
 def capsule_size(radius0: float, radius1: float, length: float) -> tuple[float, ...]:
@@ -29,7 +29,7 @@ def capsule_size(radius0: float, radius1: float, length: float) -> tuple[float, 
     return radius0, taper, length, float(lean)
 
 
-@kernel()
+@lean_kernel()
 def capsule_distance(qx, qy, qz, ax, ay, az, radius0, taper, length, lean, reach):
     """Signed distance to a tapered capsule, exact within `reach`.
 

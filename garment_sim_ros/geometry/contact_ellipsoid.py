@@ -8,9 +8,11 @@ from one side.
 """
 
 import numpy as np
+from numba import types
+from numba.extending import overload
 
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.geometry.jit import lean_kernel
 
 _STEPS = 12
 _NUDGE = 1e-4
@@ -39,7 +41,7 @@ def ellipsoid_bound(radii: tuple[float, ...]) -> tuple[float, ...]:
     return (*(-end).tolist(), *end.tolist(), radius)
 
 
-@kernel(forceinline=True)
+@lean_kernel(forceinline=True)
 def nearest_on_ellipsoid(px, py, pz, rx, ry, rz):
     """The point of the surface nearest to p, in the ellipsoid's frame.
 
@@ -91,23 +93,26 @@ def nearest_on_ellipsoid(px, py, pz, rx, ry, rz):
     return gx * x2, gy * y2, gz * z2, gx * n, gy * n, gz * n
 
 
-@kernel()
-def ellipsoid_distance(qx, qy, qz, R, rx, ry, rz, reach):
-    """Signed distance to an ellipsoid, infinite above `reach`, and the unit direction out of it.
+@lean_kernel(forceinline=True)
+def ellipsoid_distance(shapes, posed, k, qx, qy, qz, reach):
+    """Signed distance to shape k, an ellipsoid, infinite above `reach`, and the unit way out.
 
     Args:
+        shapes: Packed shapes with ellipsoids.
+        posed: The same, posed.
+        k: Which one.
         qx: Point relative to the centre [m].
         qy: See `qx`.
         qz: See `qx`.
-        R: Rotation of the ellipsoid's frame, shape [3, 3].
-        rx: Radius along the frame's x [m].
-        ry: Along its y.
-        rz: Along its z.
         reach: Distances above this need not be known [m].
     """
-    px = R[0, 0] * qx + R[1, 0] * qy + R[2, 0] * qz
-    py = R[0, 1] * qx + R[1, 1] * qy + R[2, 1] * qz
-    pz = R[0, 2] * qx + R[1, 2] * qy + R[2, 2] * qz
+    rx, ry, rz = shapes.radii[k, 0], shapes.radii[k, 1], shapes.radii[k, 2]
+    r00, r01, r02 = posed.rotation[k, 0, 0], posed.rotation[k, 0, 1], posed.rotation[k, 0, 2]
+    r10, r11, r12 = posed.rotation[k, 1, 0], posed.rotation[k, 1, 1], posed.rotation[k, 1, 2]
+    r20, r21, r22 = posed.rotation[k, 2, 0], posed.rotation[k, 2, 1], posed.rotation[k, 2, 2]
+    px = r00 * qx + r10 * qy + r20 * qz
+    py = r01 * qx + r11 * qy + r21 * qz
+    pz = r02 * qx + r12 * qy + r22 * qz
     zeta = (px / rx) ** 2 + (py / ry) ** 2 + (pz / rz) ** 2
     away = reach / min(rx, ry, rz) + np.float32(1.0)
     if away > np.float32(0.0) and zeta > away * away:
@@ -116,7 +121,29 @@ def ellipsoid_distance(qx, qy, qz, R, rx, ry, rz, reach):
     distance = (px - sx) * nx + (py - sy) * ny + (pz - sz) * nz
     return (
         np.float32(distance),
-        np.float32(R[0, 0] * nx + R[0, 1] * ny + R[0, 2] * nz),
-        np.float32(R[1, 0] * nx + R[1, 1] * ny + R[1, 2] * nz),
-        np.float32(R[2, 0] * nx + R[2, 1] * ny + R[2, 2] * nz),
+        np.float32(r00 * nx + r01 * ny + r02 * nz),
+        np.float32(r10 * nx + r11 * ny + r12 * nz),
+        np.float32(r20 * nx + r21 * ny + r22 * nz),
+    )
+
+
+def ellipsoid_distance_if_any(shapes, posed, k, qx, qy, qz, reach):
+    """As `ellipsoid_distance`; infinite, at no cost, where ``shapes.radii`` is None."""
+    if shapes.radii is None:
+        return np.float32(np.inf), np.float32(0.0), np.float32(0.0), np.float32(0.0)
+    return ellipsoid_distance(shapes, posed, k, qx, qy, qz, reach)
+
+
+@overload(ellipsoid_distance_if_any, inline="always")
+def _compiled_ellipsoid_distance_if_any(shapes, posed, k, qx, qy, qz, reach):
+    # Decided by type, as for hulls.
+    if isinstance(shapes.types[shapes.fields.index("radii")], types.NoneType):
+        return lambda shapes, posed, k, qx, qy, qz, reach: (
+            np.float32(np.inf),
+            np.float32(0.0),
+            np.float32(0.0),
+            np.float32(0.0),
+        )
+    return lambda shapes, posed, k, qx, qy, qz, reach: ellipsoid_distance(
+        shapes, posed, k, qx, qy, qz, reach
     )

@@ -14,38 +14,63 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.face_grid import face_grid
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.geometry.jit import lean_kernel
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 IntArray = NDArray[np.int32]
 
-_AROUND = 0.006
-"""How far out the grid knows distances [m]; beyond, all planes are asked."""
+_AROUND = 0.025
+"""How far out the grids know distances, as a share of the largest hull: 1 cm on a human's trunk.
+Beyond, all planes are asked."""
+_FAR = 1e30
 
 
 class PackedHulls(NamedTuple):
     """Hulls as flat arrays.
 
+    Planes stand in fours, so that four heights are found at once: four normals' x, y and z, then
+    the offsets. Lists that do not fill their last four repeat a plane.
+
     Attributes:
-        plane: Outward unit normals and offsets of all faces of all hulls, shape [f, 4].
-        first_plane: Where each hull's planes start, one more at the end, shape [h + 1].
+        plane: The planes, flat: lists of the cells, hull by hull, and then whole hulls.
+        first: Where each hull's planes start among the fours, one more at the end, shape [h + 1].
         box: Lowest and highest corner of each hull [m], shape [h, 6].
         grid: Lowest corner of each hull's grid [m], and cells per length, shape [h, 6].
         cells: Cells along each axis, shape [h, 3].
         first_cell: Where each hull's cells start in `start`, shape [h].
-        start: Where each cell's faces start in `face`, shape [all cells + h].
-        face: Indices into `plane`.
+        start: Where each cell's list starts among the fours, one more per hull, shape
+            [all cells + h].
+        around: How far out the grids know distances [m].
     """
 
     plane: SingleArray
-    first_plane: IntArray
+    first: IntArray
     box: SingleArray
     grid: SingleArray
     cells: IntArray
     first_cell: IntArray
     start: IntArray
-    face: IntArray
+    around: np.float32
+
+
+def _in_fours(
+    planes: FloatArray, lists: IntArray, start: IntArray
+) -> tuple[SingleArray, IntArray]:
+    """Lists of planes, each padded to whole fours; and where each of the lists starts.
+
+    An empty list becomes four planes that everything is far above.
+    """
+    length = np.diff(start)
+    fours = np.maximum(-(-length // 4), 1)
+    first = np.concatenate([[0], np.cumsum(fours)])
+    row = np.repeat(np.arange(len(length)), 4 * fours)
+    slot = np.arange(len(row)) - 4 * first[row]
+    which = np.append(lists, len(planes))[start[row] + np.minimum(slot, length[row] - 1)]
+    which[length[row] == 0] = len(planes)
+    planes = np.vstack([planes, [0.0, 0.0, 0.0, -_FAR]])
+    packed = planes[which].reshape(-1, 4, 4).transpose(0, 2, 1)
+    return np.ascontiguousarray(packed, np.float32).ravel(), first.astype(np.int32)
 
 
 def hull_planes(vertices: object, faces: object) -> FloatArray:
@@ -99,7 +124,7 @@ def pack_hulls(hulls: Mapping[str, tuple[object, object]]) -> PackedHulls:
     Raises:
         GeometryError: One is not a closed convex polyhedron.
     """
-    planes, boxes, grids = [], [], []
+    planes, boxes = [], []
     for name, (vertices, faces) in hulls.items():
         try:
             own = hull_planes(vertices, faces)
@@ -107,30 +132,115 @@ def pack_hulls(hulls: Mapping[str, tuple[object, object]]) -> PackedHulls:
             raise GeometryError(f"collider {name!r}: {error}") from None
         x = np.asarray(vertices, dtype=np.float64)
         planes.append(own)
-        low, high = x.min(axis=0), x.max(axis=0)
-        boxes.append([*low, *high])
-        grids.append(face_grid(own, low - _AROUND, high + _AROUND, far=_AROUND))
-    first_plane = np.cumsum([0, *(len(p) for p in planes)])
+        boxes.append([*x.min(axis=0), *x.max(axis=0)])
+    box = np.array(boxes).reshape(-1, 6)
+    around = np.float32(_AROUND * (box[:, 3:] - box[:, :3]).max(initial=0.0))
+    grids = [
+        face_grid(own, low - around, high + around, far=float(around))
+        for own, low, high in zip(planes, box[:, :3], box[:, 3:])
+    ]
+    lists = [_in_fours(own, g.face, g.start) for own, g in zip(planes, grids)]
+    whole = [
+        _in_fours(p, np.arange(len(p), dtype=np.int32), np.array([0, len(p)], np.int32))
+        for p in planes
+    ]
+    packed = [p for p, _ in (*lists, *whole)]
+    at = np.cumsum([0, *(len(p) // 16 for p in packed)])
     first_cell = np.cumsum([0, *(len(g.start) for g in grids)])
-    first_face = np.cumsum([0, *(len(g.face) for g in grids)])
-    joined: list[NDArray[np.int32]] = [np.zeros(0, np.int32)]
+    none: list[NDArray[np.int32]] = [np.zeros(0, np.int32)]
     return PackedHulls(
-        plane=np.concatenate([np.zeros((0, 4)), *planes]).astype(np.float32),
-        first_plane=first_plane.astype(np.int32),
-        box=np.array(boxes, np.float32).reshape(-1, 6),
+        plane=np.concatenate([np.zeros(0, np.float32), *packed]),
+        first=at[len(hulls) :].astype(np.int32),
+        box=box.astype(np.float32),
         grid=np.array([[*g.low, *(1.0 / g.cell)] for g in grids], np.float32).reshape(-1, 6),
         cells=np.array([g.count for g in grids], np.int32).reshape(-1, 3),
         first_cell=first_cell[:-1].astype(np.int32),
-        start=np.concatenate(joined + [g.start + at for g, at in zip(grids, first_face)]).astype(
-            np.int32
-        ),
-        face=np.concatenate(joined + [g.face + at for g, at in zip(grids, first_plane)]).astype(
-            np.int32
-        ),
+        start=np.concatenate(none + [s + k for (_, s), k in zip(lists, at)]).astype(np.int32),
+        around=around,
     )
 
 
-@kernel(forceinline=True)
+@lean_kernel(forceinline=True)
+def _cell_of(shapes, h, x, y, z):
+    """The cell of hull h's grid that holds a point in the hull's frame."""
+    i = np.int64((x - shapes.hulls.grid[h, 0]) * shapes.hulls.grid[h, 3])
+    j = np.int64((y - shapes.hulls.grid[h, 1]) * shapes.hulls.grid[h, 4])
+    m = np.int64((z - shapes.hulls.grid[h, 2]) * shapes.hulls.grid[h, 5])
+    # At the rim of the grid rounding may lead one cell out of it.
+    i = min(i, np.int64(shapes.hulls.cells[h, 0] - 1))
+    j = min(j, np.int64(shapes.hulls.cells[h, 1] - 1))
+    m = min(m, np.int64(shapes.hulls.cells[h, 2] - 1))
+    cell = (i * shapes.hulls.cells[h, 1] + j) * shapes.hulls.cells[h, 2] + m
+    return np.uint64(cell + shapes.hulls.first_cell[h])
+
+
+@lean_kernel(forceinline=True)
+def _four_heights(shapes, four, x, y, z):
+    """Heights of a point over four planes."""
+    at = np.uint64(four) * np.uint64(16)
+    planes = shapes.hulls.plane
+    return (
+        planes[at] * x
+        + planes[at + np.uint64(4)] * y
+        + planes[at + np.uint64(8)] * z
+        - planes[at + np.uint64(12)],
+        planes[at + np.uint64(1)] * x
+        + planes[at + np.uint64(5)] * y
+        + planes[at + np.uint64(9)] * z
+        - planes[at + np.uint64(13)],
+        planes[at + np.uint64(2)] * x
+        + planes[at + np.uint64(6)] * y
+        + planes[at + np.uint64(10)] * z
+        - planes[at + np.uint64(14)],
+        planes[at + np.uint64(3)] * x
+        + planes[at + np.uint64(7)] * y
+        + planes[at + np.uint64(11)] * z
+        - planes[at + np.uint64(15)],
+    )
+
+
+@lean_kernel(forceinline=True)
+def highest_of_four(shapes, four, x, y, z):
+    """The greatest of the heights of a point over four planes."""
+    a, b, c, d = _four_heights(shapes, four, x, y, z)
+    ab = a if a > b else b
+    cd = c if c > d else d
+    return ab if ab > cd else cd
+
+
+@lean_kernel(forceinline=True)
+def planes_near(shapes, h, x, y, z, reach):
+    """Where the planes stand that can be the nearest to a point, in fours: first, one past last.
+
+    Args:
+        shapes: Packed shapes with hulls.
+        h: Which hull.
+        x: Point in the hull's frame, in the hull's box inflated by `reach` [m].
+        y: See `x`.
+        z: See `x`.
+        reach: Heights above this need not be known [m].
+    """
+    if reach <= shapes.hulls.around:
+        cell = _cell_of(shapes, h, x, y, z)
+        return shapes.hulls.start[cell], shapes.hulls.start[cell + np.uint64(1)]
+    return shapes.hulls.first[h], shapes.hulls.first[h + 1]
+
+
+@lean_kernel(forceinline=True)
+def hull_height(shapes, h, x, y, z, reach):
+    """Signed distance of a point to hull h, both in the hull's frame; huge far outside.
+
+    Args: as `planes_near`.
+    """
+    begin, end = planes_near(shapes, h, x, y, z, reach)
+    best = np.float32(-np.inf)
+    for four in range(begin, end):
+        height = highest_of_four(shapes, four, x, y, z)
+        best = height if height > best else best
+    return best
+
+
+@lean_kernel(forceinline=True)
 def hull_distance(shapes, posed, k, qx, qy, qz, reach):
     """Signed distance to shape k, a hull, infinite above `reach`, and the unit direction out.
 
@@ -158,45 +268,21 @@ def hull_distance(shapes, posed, k, qx, qy, qz, reach):
     high = max(x - shapes.hulls.box[h, 3], y - shapes.hulls.box[h, 4], z - shapes.hulls.box[h, 5])
     if low < -reach or high > reach:
         return np.float32(np.inf), zero, zero, zero
+    begin, end = planes_near(shapes, h, x, y, z, reach)
     best = np.float32(-np.inf)
-    found = -1
-    if reach <= np.float32(_AROUND):
-        i = np.int32((x - shapes.hulls.grid[h, 0]) * shapes.hulls.grid[h, 3])
-        j = np.int32((y - shapes.hulls.grid[h, 1]) * shapes.hulls.grid[h, 4])
-        m = np.int32((z - shapes.hulls.grid[h, 2]) * shapes.hulls.grid[h, 5])
-        # At the rim of the grid rounding may lead one cell out of it.
-        i = min(i, shapes.hulls.cells[h, 0] - 1)
-        j = min(j, shapes.hulls.cells[h, 1] - 1)
-        m = min(m, shapes.hulls.cells[h, 2] - 1)
-        cell = (i * shapes.hulls.cells[h, 1] + j) * shapes.hulls.cells[h, 2] + m
-        cell += shapes.hulls.first_cell[h]
-        for at in range(shapes.hulls.start[cell], shapes.hulls.start[cell + 1]):
-            f = shapes.hulls.face[at]
-            height = (
-                shapes.hulls.plane[f, 0] * x
-                + shapes.hulls.plane[f, 1] * y
-                + shapes.hulls.plane[f, 2] * z
-                - shapes.hulls.plane[f, 3]
-            )
-            if height > best:
-                best = height
-                found = f
-    else:
-        for f in range(shapes.hulls.first_plane[h], shapes.hulls.first_plane[h + 1]):
-            height = (
-                shapes.hulls.plane[f, 0] * x
-                + shapes.hulls.plane[f, 1] * y
-                + shapes.hulls.plane[f, 2] * z
-                - shapes.hulls.plane[f, 3]
-            )
-            if height > best:
-                best = height
-                found = f
-    if found < 0 or best > reach:
+    found = np.uint64(0)
+    for four in range(begin, end):
+        a, b, c, d = _four_heights(shapes, four, x, y, z)
+        highest = max(max(a, b), max(c, d))
+        if highest > best:
+            best = highest
+            which = 0 if a == highest else (1 if b == highest else (2 if c == highest else 3))
+            found = np.uint64(16 * four + which)
+    if best > reach:
         return np.float32(np.inf), zero, zero, zero
-    nx = shapes.hulls.plane[found, 0]
-    ny = shapes.hulls.plane[found, 1]
-    nz = shapes.hulls.plane[found, 2]
+    nx = shapes.hulls.plane[found]
+    ny = shapes.hulls.plane[found + np.uint64(4)]
+    nz = shapes.hulls.plane[found + np.uint64(8)]
     return (
         best,
         r00 * nx + r01 * ny + r02 * nz,

@@ -9,7 +9,7 @@ from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.contact_capsule import capsule_size
 from garment_sim_ros.geometry.contact_ellipsoid import ellipsoid_bound, ellipsoid_size
 from garment_sim_ros.geometry.contact_hull import PackedHulls, hull_bound, pack_hulls
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.geometry.jit import lean_kernel
 from garment_sim_ros.geometry.shapes import KINDS, Collider, ColliderPoses, ColliderSet
 
 FloatArray = NDArray[np.float64]
@@ -27,6 +27,10 @@ class PackedShapes(NamedTuple):
         hull: Index of each hull in `hulls`, 0 for other kinds, shape [m].
         bound: A capsule that holds the shape, in the shape's frame [m]: start, end and radius,
             shape [m, 7].
+        box: Centre and half extents of a hull's box, in its frame [m]; zero for other kinds, whose
+            bounding capsule is as good, shape [m, 6].
+        longest: Length of the longest of those capsules, a measure for the whole body [m].
+        radii: Radii of ellipsoids, shape [m, 3]; None without any, like `hulls`.
         hulls: What hulls need besides; None without any, which keeps their code out of kernels.
     """
 
@@ -35,6 +39,9 @@ class PackedShapes(NamedTuple):
     size: SingleArray
     hull: IntArray
     bound: FloatArray
+    box: FloatArray
+    longest: np.float32
+    radii: SingleArray | None
     hulls: PackedHulls | None
 
 
@@ -48,7 +55,8 @@ class PosedShapes(NamedTuple):
             less identity) and the offset, shape [m, 3, 4].
         bound: Capsules that hold the shapes [m]: start, unit axis, length and radius, shape
             [m, 8].
-        box: Boxes that hold those: minimum, maximum [m], shape [m, 6].
+        box: Boxes along the axes of the world that hold the shapes: minimum, maximum [m], shape
+            [m, 6].
     """
 
     centre: SingleArray
@@ -101,22 +109,34 @@ def pack(colliders: ColliderSet) -> PackedShapes:
     """
     touchable = [i for i, c in enumerate(colliders.colliders) if c.kind != "frame"]
     packed = [_packed(colliders.colliders[i]) for i in touchable]
+    size = np.array([size for size, _ in packed], dtype=np.float32).reshape(-1, 4)
+    bound = np.array([bound for _, bound in packed], dtype=np.float64).reshape(-1, 7)
+    longest = np.linalg.norm(bound[:, 3:6] - bound[:, :3], axis=1) + 2.0 * bound[:, 6]
     kind = np.array([KINDS.index(colliders.colliders[i].kind) for i in touchable], np.int32)
     is_hull = kind == KINDS.index("hull")
     hulls = [colliders.colliders[touchable[k]] for k in np.flatnonzero(is_hull)]
+    packed_hulls = None
+    box = np.zeros((len(kind), 6))
+    if hulls:
+        packed_hulls = pack_hulls(
+            {c.name: (c.geometry["vertices"], c.geometry["faces"]) for c in hulls}
+        )
+        low, high = packed_hulls.box[:, :3], packed_hulls.box[:, 3:]
+        box[is_hull] = np.hstack([0.5 * (low + high), 0.5 * (high - low)])
     return PackedShapes(
         kind=kind,
         collider=np.array(touchable, dtype=np.int32),
-        size=np.array([size for size, _ in packed], dtype=np.float32).reshape(-1, 4),
+        size=size,
         hull=np.where(is_hull, np.cumsum(is_hull) - 1, 0).astype(np.int32),
-        bound=np.array([bound for _, bound in packed], dtype=np.float64).reshape(-1, 7),
-        hulls=pack_hulls({c.name: (c.geometry["vertices"], c.geometry["faces"]) for c in hulls})
-        if hulls
-        else None,
+        bound=bound,
+        box=box,
+        longest=np.float32(longest.max(initial=0.0)),
+        radii=size[:, :3].copy() if (kind == KINDS.index("ellipsoid")).any() else None,
+        hulls=packed_hulls,
     )
 
 
-@kernel()
+@lean_kernel()
 def _rotation_of(q, R):
     """Rotation matrix [3, 3] of a unit quaternion [4] in float64."""
     x, y, z, w = q[0], q[1], q[2], q[3]
@@ -131,7 +151,7 @@ def _rotation_of(q, R):
     R[2, 2] = 1 - 2 * (x * x + y * y)
 
 
-@kernel()
+@lean_kernel()
 def pose_shapes(shapes, position0, orientation0, position1, orientation1, origin, scratch, posed):
     """Fills `posed`; see `pose`. Computes in float64, in `scratch` of shape [3, 3, 3]."""
     R0 = scratch[0]
@@ -140,6 +160,7 @@ def pose_shapes(shapes, position0, orientation0, position1, orientation1, origin
     for k in range(shapes.collider.size):
         i = shapes.collider[k]
         bound = shapes.bound[k]
+        box = shapes.box[k]
         _rotation_of(orientation0[i], R0)
         _rotation_of(orientation1[i], R1)
         squared = 0.0
@@ -157,8 +178,14 @@ def pose_shapes(shapes, position0, orientation0, position1, orientation1, origin
                 offset -= turned * (position0[i, c] - origin[c])
             posed.centre[k, r] = centre
             posed.carry[k, r, 3] = offset
-            posed.box[k, r] = min(end[0, r], end[1, r]) - bound[6]
-            posed.box[k, 3 + r] = max(end[0, r], end[1, r]) + bound[6]
+            middle = centre + R1[r, 0] * box[0] + R1[r, 1] * box[1] + R1[r, 2] * box[2]
+            half = abs(R1[r, 0]) * box[3] + abs(R1[r, 1]) * box[4] + abs(R1[r, 2]) * box[5]
+            if half > 0.0:
+                posed.box[k, r] = middle - half
+                posed.box[k, 3 + r] = middle + half
+            else:
+                posed.box[k, r] = min(end[0, r], end[1, r]) - bound[6]
+                posed.box[k, 3 + r] = max(end[0, r], end[1, r]) + bound[6]
             squared += (end[1, r] - end[0, r]) ** 2
         length = np.sqrt(squared)
         for r in range(3):

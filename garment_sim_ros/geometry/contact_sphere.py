@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.geometry.jit import lean_kernel
 
 
-@kernel()
+@lean_kernel()
 def sphere_distance(qx, qy, qz, radius, reach):
     """Signed distance to a sphere, equations 5 and 6 of Sun et al. 2007.
 

@@ -56,5 +56,9 @@ if not os.environ.get("NUMBA_CACHE_DIR"):
 kernel = partial(njit, cache=True, nogil=True, error_model="numpy", fastmath=_FAST_FLAGS)
 """Decorator factory for hot loops: ``@kernel()``."""
 
+lean_kernel = partial(kernel, _nrt=False)
+"""The same for small functions that are handed many arrays, millions of times a second: they do
+not count references to arrays, which takes longer than what they do, and so cannot make any."""
+
 exact_kernel = partial(njit, cache=True, nogil=True, error_model="numpy", fastmath=False)
 """Decorator factory where IEEE order of operations matters: geometric predicates, hashing."""

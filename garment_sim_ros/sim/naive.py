@@ -116,7 +116,7 @@ def deepest(shapes: Sequence[Shape], point: FloatArray) -> tuple[float, FloatArr
 def leave_union(
     shapes: Sequence[Shape], point: FloatArray, thickness: float, farthest: float = 4.0
 ) -> FloatArray:
-    """A point moved out of the union, by the rule of `geometry.contact.leave_union`."""
+    """A point moved out of the union, by the rule of `geometry.contact_union.leave_union`."""
     start = point = np.array(point, dtype=np.float64)
     met: list[FloatArray] = []
     let_go: list[FloatArray] = []

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.errors import GeometryError, MessageError, ParameterError
-from garment_sim_ros.geometry.contact import Sides
 from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
+from garment_sim_ros.geometry.contact_sides import Sides
 from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.geometry.transforms import interpolate_poses

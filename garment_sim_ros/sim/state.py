@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.geometry.contact import Contacts, Sides
+from garment_sim_ros.geometry.contact import Contacts
 from garment_sim_ros.geometry.contact_shapes import PackedShapes, PosedShapes
+from garment_sim_ros.geometry.contact_sides import Sides
 from garment_sim_ros.geometry.shapes import ColliderPoses
 from garment_sim_ros.sim.model import ClothModel
 

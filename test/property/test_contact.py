@@ -4,8 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.contact import PASSING, UNDER, Contacts, Sides, collide
+from garment_sim_ros.geometry.contact import Contacts, collide
 from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
+from garment_sim_ros.geometry.contact_sides import PASSING, UNDER, Sides
 from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.sim import naive

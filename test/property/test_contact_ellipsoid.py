@@ -4,11 +4,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba import njit
 
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.contact_ellipsoid import ellipsoid_distance, ellipsoid_size
-from garment_sim_ros.geometry.contact_shapes import pack
+from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack
 from garment_sim_ros.geometry.shapes import Collider, ColliderSet
+
+
+@njit
+def distance_to_first(shapes, posed, qx, qy, qz, reach):
+    return ellipsoid_distance(shapes, posed, 0, qx, qy, qz, reach)
 
 
 @settings(derandomize=True, deadline=None, max_examples=40)
@@ -21,10 +27,12 @@ def test_signed_distance_in_single_precision(seed):
     u = rng.normal(size=(20_000, 3))
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     surface = (u * radii) @ R.T
+    ellipsoid = Collider(name="e", kind="ellipsoid", bone="b", geometry={"radii": radii})
+    shapes = pack(ColliderSet(colliders=(ellipsoid,)))
+    posed = PosedShapes.room_for(shapes)
+    posed.rotation[0] = R
     for q in rng.normal(size=(5, 3)) * 0.2:
-        values = ellipsoid_distance(
-            *q.astype(np.float32), R.astype(np.float32), *radii.astype(np.float32), np.float32(9.0)
-        )
+        values = distance_to_first(shapes, posed, *q.astype(np.float32), np.float32(9.0))
         inside = (((R.T @ q) / radii) ** 2).sum() < 1.0
         truth = np.linalg.norm(surface - q, axis=1).min() * (-1.0 if inside else 1.0)
         assert values[0] == pytest.approx(truth, abs=4e-3)
@@ -33,9 +41,7 @@ def test_signed_distance_in_single_precision(seed):
         at = R.T @ (q - values[0] * n) / radii
         assert (at**2).sum() == pytest.approx(1.0, abs=2e-3)
         # Where it is out of reach it is not worked out.
-        far = ellipsoid_distance(
-            *q.astype(np.float32), R.astype(np.float32), *radii.astype(np.float32), np.float32(0.0)
-        )
+        far = distance_to_first(shapes, posed, *q.astype(np.float32), np.float32(0.0))
         assert far[0] == values[0] if inside else far[0] > 0.0
 
 
