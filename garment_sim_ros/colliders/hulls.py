@@ -49,6 +49,8 @@ _MOST_PARTS = 20
 """Most hulls for one region; a body without a rig is one region."""
 _ROUNDING = 1e-9
 """Share by which an un-inflated hull grows."""
+_THICK = 3.0
+"""A hull with this many times the volume of what it holds is told of."""
 _NO_THINNER = 1e-3
 """Radius that a capsule in the place of a flat region has at least [m]."""
 
@@ -135,7 +137,7 @@ def fit_hulls(
             hull = _fitted(inner, points, settings)
             hulls.append((m, hull))
             colliders.append(_collider(name, bone, hull, T_bone_bind))
-            shapes.append(_figures(name, inner, hull, points))
+            shapes.append(_figures(name, inner, hull, points, _remark(inner, hull, settings)))
     for collider, shape in _joint_colliders(body, regions, hulls, settings):
         colliders.append(collider)
         shapes.append(shape)
@@ -169,6 +171,18 @@ def _fitted(inner: Hull, points: FloatArray, settings: HullSettings) -> Hull:
     # Without slack a point on a face may be outside by rounding.
     middle = inner.vertices.mean(axis=0)
     return Hull(middle + (inner.vertices - middle) * (1.0 + _ROUNDING), inner.faces)
+
+
+def _remark(inner: Hull, hull: Hull, settings: HullSettings) -> str:
+    """What did not go as asked for."""
+    if settings.delta == 0.0:
+        return "no delta: not inflated, not simplified"
+    remarks = []
+    if len(hull.faces) > settings.max_faces + 1:  # faces go in pairs
+        remarks.append(f"stopped at {len(hull.faces)} faces: fewer do not fit within the reach")
+    if hull.volume > _THICK * inner.volume:
+        remarks.append("delta makes it much thicker than what it holds")
+    return "; ".join(remarks)
 
 
 def _figures(name: str, inner: Hull, hull: Hull, points: FloatArray, note: str = "") -> ShapeFit:

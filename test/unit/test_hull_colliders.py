@@ -13,6 +13,7 @@ from garment_sim_ros.body.skin import Body, Skin
 from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.colliders.description import from_json, to_json
 from garment_sim_ros.colliders.hull import Hull
+from garment_sim_ros.colliders.hull_report import hull_report
 from garment_sim_ros.colliders.hulls import fit_hulls
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.regions import region_surface, skin_regions, vertex_areas
@@ -165,24 +166,81 @@ def test_a_body_without_triangles_is_refused():
         fit_hulls(body)
 
 
-def test_open_inside_out_and_two_piece_bodies_are_contained(mannequin):
-    body = mannequin
+def replaced(body, **skin):
+    return dataclasses.replace(body, skin=dataclasses.replace(body.skin, **skin))
+
+
+def bad_bodies(body):
+    """Skins that no loader should let through, by what is wrong with them."""
     skin = body.skin
-    holed = dataclasses.replace(skin, triangles=skin.triangles[::2])
-    turned = dataclasses.replace(skin, triangles=skin.triangles[:, ::-1])
-    doubled = dataclasses.replace(
-        skin,
-        vertices=np.vstack([skin.vertices, skin.vertices + np.array([0, 0, 3.0])]),
-        triangles=np.vstack([skin.triangles, skin.triangles + len(skin.vertices)]),
-        bone=np.vstack([skin.bone, skin.bone]),
-        weight=np.vstack([skin.weight, skin.weight]),
-    )
-    for changed in (holed, turned, doubled):
-        odd = dataclasses.replace(body, skin=changed)
-        fit = fit_hulls(odd)
-        heights = union_height(fit.colliders, bind_poses(odd, fit.colliders), changed.vertices)
-        used = np.unique(changed.triangles)
-        assert heights[used].max() < 1e-9
+    t, v = skin.triangles, len(skin.vertices)
+    doubled = {
+        "bone": np.vstack([skin.bone, skin.bone]),
+        "weight": np.vstack([skin.weight, skin.weight]),
+    }
+    apart = np.vstack([skin.vertices, skin.vertices + np.array([0.0, 0.0, 3.0])])
+    crossing = np.vstack([skin.vertices, skin.vertices + np.array([0.0, 0.05, 0.01])])
+    return {
+        "open": replaced(body, triangles=t[::2]),
+        "non-manifold": replaced(body, triangles=np.vstack([t, t[:300], t[:100, [0, 2, 1]]])),
+        "no area": replaced(body, triangles=np.vstack([t, t[:200, [0, 0, 1]]])),
+        "inside-out": replaced(body, triangles=t[:, ::-1]),
+        "two pieces": replaced(body, vertices=apart, triangles=np.vstack([t, t + v]), **doubled),
+        "cutting itself": replaced(
+            body, vertices=crossing, triangles=np.vstack([t, t + v]), **doubled
+        ),
+        "one triangle": replaced(body, triangles=t[:1]),
+        "unused vertices": replaced(body, triangles=t[: len(t) // 2]),
+    }
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        *("open", "non-manifold", "no area", "inside-out", "two pieces", "cutting itself"),
+        *("one triangle", "unused vertices"),
+    ],
+)
+def test_bad_skins_are_contained_and_what_was_done_is_told(mannequin, wrong):
+    body = bad_bodies(mannequin)[wrong]
+    fit = fit_hulls(body)
+    used = np.unique(body.skin.triangles)
+    heights = union_height(fit.colliders, bind_poses(body, fit.colliders), body.skin.vertices)
+    assert heights[used].max() < 1e-9
+    assert all(shape.outside == 0 for shape in fit.shapes)
+    notes = [shape.note for shape in fit.shapes if shape.kind == "capsule"]
+    assert all("no hull" in note for note in notes)
+    assert (wrong == "one triangle") == (len(notes) == len(fit.shapes))
+    report = hull_report(fit)
+    assert len(report) == len(fit.shapes)
+
+
+@pytest.mark.parametrize("delta", [0.0, 0.05])
+def test_a_delta_of_nothing_or_larger_than_a_limb_is_kept_and_told(mannequin, delta):
+    """Without slack nothing is simplified; a finger thick and 5 cm inflated is just fat."""
+    fit = fit_hulls(mannequin, HullSettings(delta=delta, joints="none"))
+    for shape in fit.shapes:
+        assert shape.outside == 0
+        if delta == 0.0:
+            assert shape.faces == shape.faces_before
+            assert "no delta" in shape.note
+        else:
+            assert shape.faces <= 90
+            assert shape.clearance_min <= shape.clearance_mean
+            assert shape.clearance_mean > 0.02
+            thin = shape.volume > 3.0 * shape.volume_before
+            assert thin == ("much thicker" in shape.note)
+
+
+def test_a_floor_below_4_is_refused_and_4_is_met_where_the_reach_allows(mannequin):
+    with pytest.raises(ParameterError, match=r"max_faces: found 3; allowed: .* from 4"):
+        fit_hulls(mannequin, HullSettings(max_faces=3))
+    fit = fit_hulls(mannequin, HullSettings(max_faces=4, reach=100.0, joints="none"))
+    faces = [shape.faces for shape in fit.shapes]
+    assert min(faces) >= 4
+    assert np.median(faces) < 12
+    for shape in fit.shapes:
+        assert (shape.faces > 5) == ("stopped at" in shape.note)
 
 
 def test_joint_colliders_cover_bent_elbows_and_knees():
