@@ -258,6 +258,20 @@ class RelaxationSettings:
     """Numerical parameters of the `relaxation` solver."""
 
     sweeps: int = parameter(3, "Sweeps of spring correction per step.", minimum=1, maximum=1000)
+    contact: str = parameter(
+        "union",
+        "Out of the union of all shapes, or by the earliest hit (ellipsoids and spheres only).",
+        choices=("union", "earliest"),
+    )
+    response: str = parameter(
+        "surface",
+        "To an earliest hit: by the surface's normal with friction and restitution, without "
+        "either, or reflected along the ray from the centre.",
+        choices=("surface", "inelastic", "reflection"),
+    )
+    restitution: float = parameter(
+        0.0, "Share of normal velocity that an earliest hit gives back.", minimum=0.0, maximum=1.0
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -75,32 +75,32 @@ def collide_earliest(
     Raises:
         GeometryError: An unknown response, or arrays that do not fit.
     """
-    if response not in RESPONSES:
-        raise GeometryError(f"response {response!r}; allowed: {RESPONSES}")
+    numbers = response_numbers(response, restitution, friction)
     if len(start.centre) != len(end.centre) or not x_start.shape == x.shape == velocity.shape:
         raise GeometryError("start and end must hold the same ellipsoids and particles")
     hit = np.full(len(x), -1, dtype=np.int32)
     m = len(start.centre)
-    if m == 0 or len(x) == 0:
-        return hit
+    if m and len(x):
+        meet(start.table(), end.table(), room_for(m), x_start, x, velocity, dt, *numbers, hit)
+    return hit
+
+
+def response_numbers(
+    response: str, restitution: float, friction: float
+) -> tuple[np.float32, np.float32, np.float32]:
+    """A response as `meet` takes it: whether along the ray, restitution, friction.
+
+    Raises:
+        GeometryError: An unknown response.
+    """
+    if response not in RESPONSES:
+        raise GeometryError(f"response {response!r}; allowed: {RESPONSES}")
     if response == "inelastic":
         restitution = friction = 0.0
     elif response == "reflection":
         restitution, friction = 1.0, 0.0
-    meet(
-        start.table(),
-        end.table(),
-        room_for(m),
-        x_start,
-        x,
-        velocity,
-        dt,
-        np.float32(response == "reflection"),
-        np.float32(restitution),
-        np.float32(friction),
-        hit,
-    )
-    return hit
+    reflect = np.float32(response == "reflection")
+    return reflect, np.float32(restitution), np.float32(friction)
 
 
 def room_for(m: int) -> tuple[NDArray[np.float64 | np.float32 | np.int32], ...]:

@@ -17,6 +17,7 @@ from garment_sim_ros.geometry.contact import Contacts
 from garment_sim_ros.geometry.contact_shapes import PackedShapes, PosedShapes
 from garment_sim_ros.geometry.contact_sides import Sides
 from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.sim.earliest_contact import EarliestContact
 from garment_sim_ros.sim.model import ClothModel
 
 FloatArray = NDArray[np.float64]
@@ -61,6 +62,7 @@ class Workspace:
         push: Velocity that outer forces add in a step [m/s], shape [3].
         contacts: Contacts of the free particles in the last step.
         contact_count: Number of free particles in contact in the last step.
+        earliest: Scratch of contact by the earliest hit; None until a step needs it.
         motion: Sum of squared speeds and highest squared speed after the last step [m^2/s^2],
             shape [2]; not finite as soon as any velocity is.
     """
@@ -72,6 +74,7 @@ class Workspace:
     sides: Sides
     contact_count: int
     motion: FloatArray
+    earliest: EarliestContact | None = None
 
     @classmethod
     def room_for(cls, model: ClothModel, shapes: int) -> "Workspace":

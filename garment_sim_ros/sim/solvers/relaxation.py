@@ -7,6 +7,8 @@ depends on the step and on the number of sweeps, not on the material's stiffness
 import numpy as np
 
 from garment_sim_ros.geometry.contact import collide
+from garment_sim_ros.sim.earliest_contact import EarliestContact
+from garment_sim_ros.sim.kernels.layers import measure_motion
 from garment_sim_ros.sim.kernels.motion import carry_pins, predict, update_velocities
 from garment_sim_ros.sim.kernels.springs import correct_springs
 from garment_sim_ros.sim.model import ClothModel, Parameters
@@ -68,6 +70,27 @@ def step(
     )
 
     contacts = workspace.contacts
+    if params.settings.contact == "earliest":
+        if workspace.earliest is None:
+            workspace.earliest = EarliestContact(colliders.shapes)
+        # What the springs moved is velocity before the hit, not after it.
+        np.subtract(x, x_predicted, out=x_predicted)
+        x_predicted /= h
+        v += x_predicted
+        workspace.contact_count = workspace.earliest.meet(
+            colliders.shapes,
+            colliders.posed,
+            x_start,
+            x,
+            v,
+            max(material.thickness, colliders.thickness),
+            material.friction,
+            params.settings,
+            dt,
+            contacts.shape,
+        )
+        measure_motion(v, workspace.motion)
+        return
     workspace.contact_count = collide(
         colliders.shapes,
         colliders.posed,

@@ -1,0 +1,112 @@
+"""Contact by the earliest hit as an option of the solver."""
+
+import numpy as np
+import pytest
+
+from garment_sim_ros.errors import ParameterError
+from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
+from garment_sim_ros.geometry.transforms import quaternion_from_matrix
+from garment_sim_ros.params import Environment, RelaxationSettings, XpbdSettings
+from garment_sim_ros.sim.simulation import Simulation
+
+RADII = np.array([0.3, 0.2, 0.1])
+STILL = ColliderPoses.identity(2)
+
+
+def ellipsoid(**options):
+    return Collider(name="e", kind="ellipsoid", bone="bone", geometry={"radii": RADII}, **options)
+
+
+def dressed(cloth, collider, height, *, settings=None, environment=None, step=1 / 180, **material):
+    x, t = cloth.grid(9, 9, 0.02)
+    x[:, 2] += height
+    simulation = Simulation(
+        (cloth.garment(x, t, thickness=0.002, **material),),
+        cloth.colliders(collider),
+        settings=settings or RelaxationSettings(contact="earliest"),
+        environment=environment,
+        solver_step=step,
+    )
+    return simulation
+
+
+def zeta(x, radii):
+    return ((x / radii) ** 2).sum(axis=1)
+
+
+def test_cloth_comes_to_rest_on_an_ellipsoid(cloth):
+    simulation = dressed(cloth, ellipsoid(), 0.13, damping=3.0, friction=0.5)
+    for _ in range(360):
+        simulation.advance(STILL, STILL)
+        # A micrometre is what single precision leaves.
+        assert zeta(simulation.positions("cloth"), RADII + 0.002).min() > 1.0 - 4e-5
+    health = simulation.health("cloth")
+    assert health.contacts > 30
+    assert health.rms_speed < 0.02
+
+
+def test_a_fast_cloth_does_not_come_out_on_the_other_side(cloth):
+    """At 60 m/s it would pass the whole ellipsoid in one step."""
+    for contact, stopped in (("earliest", True), ("union", False)):
+        simulation = dressed(
+            cloth, ellipsoid(), 0.3, settings=RelaxationSettings(contact=contact), step=1 / 60
+        )
+        simulation.state("cloth").v[:, 2] = -60.0
+        simulation.advance(STILL, STILL)
+        assert (simulation.positions("cloth")[:, 2].min() > 0.0) == stopped
+
+
+@pytest.mark.parametrize(
+    ("settings", "speed"),
+    [
+        ({}, 0.0),
+        ({"response": "inelastic", "restitution": 0.5}, 0.0),
+        ({"restitution": 0.5}, 0.5),
+        ({"response": "reflection"}, 1.0),
+    ],
+)
+def test_what_a_hit_gives_back(cloth, settings, speed):
+    """Above the middle, where the ray from the centre is nearly the normal."""
+    simulation = dressed(
+        cloth,
+        Collider(name="e", kind="sphere", bone="bone", geometry={"radius": 0.5}),
+        0.51,
+        settings=RelaxationSettings(contact="earliest", sweeps=1, **settings),
+        environment=Environment(gravity=(0.0, 0.0, 0.0)),
+    )
+    simulation.state("cloth").v[:, 2] = -2.0
+    simulation.advance(STILL, STILL)
+    v = simulation.state("cloth").v
+    middle = np.argmin(np.linalg.norm(simulation.state("cloth").x[:, :2], axis=1))
+    assert v[middle, 2] == pytest.approx(2.0 * speed, abs=0.02)
+
+
+def test_rides_a_turning_and_moving_collider(cloth):
+    """With much friction the cloth goes where the collider takes it."""
+    simulation = dressed(cloth, ellipsoid(), 0.1021, friction=10.0, damping=1.0)
+    start = STILL
+    for n in range(1, 31):
+        a = 0.004 * n
+        R = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1.0]])
+        end = ColliderPoses(
+            position=np.tile([0.001 * n, 0.0, 0.0], (2, 1)),
+            orientation=np.tile(quaternion_from_matrix(R), (2, 1)),
+        )
+        simulation.advance(start, end)
+        start = end
+    x = simulation.positions("cloth")
+    middle = x[40]
+    assert middle[:2] == pytest.approx([0.03, 0.0], abs=2e-3)
+    along = x[76] - x[40]  # along x at first
+    assert np.arctan2(along[1], along[0]) == pytest.approx(0.12, abs=0.02)
+
+
+def test_only_where_it_is_asked_for_and_possible(cloth):
+    simulation = dressed(cloth, ellipsoid(), 0.2, settings=RelaxationSettings())
+    simulation.advance(STILL, STILL)
+    assert simulation._worn["cloth"].workspace.earliest is None
+    capsule = {"radius0": 0.1, "radius1": 0.1, "length": 0.2}
+    other = Collider(name="c", kind="capsule", bone="bone", geometry=capsule)
+    with pytest.raises(ParameterError, match="contact: found 'earliest' with capsule"):
+        dressed(cloth, other, 0.2).advance(STILL, STILL)
+    assert not hasattr(XpbdSettings(), "contact")
