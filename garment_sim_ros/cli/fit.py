@@ -89,7 +89,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Fit, report, draw."""
     body = load_body(args.body)
     colliders, told = _fit(body, args)
-    report = {**fit_report(body, colliders), **told}
+    for note in body.notes:
+        print(f"assumed: {note}")
+    report = {**fit_report(body, colliders), "assumed": list(body.notes), **told}
     with staged(args.out.parent) as stage:
         save_colliders(stage / args.out.name, colliders)
         text = json.dumps(report, indent=2) + "\n"
