@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.geometry.topology import mesh_topology
-from garment_sim_ros.sim.kernels.layers import find_triangles, separate
+from garment_sim_ros.sim.kernels.layers import find_triangles, separate, take_from_neighbours
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.state import State
 
@@ -19,14 +19,26 @@ IntArray = NDArray[np.int32]
 
 _REACH = 2.0
 """Particles look for triangles this far, in mean edge lengths of the coarser garment."""
-_SEARCH_EVERY = 8
-"""Steps between searches; in between particles follow the triangles that they have."""
+_SEARCH_EVERY = 60
+_SPREAD_EVERY = 4
+"""Steps between searches among all triangles, which find where garments begin to touch, and
+between looks at what neighbours have, which is how touching spreads."""
 
 
 @dataclass(kw_only=True)
 class _Side:
-    """The particles of one garment and the triangles of the other that they meet."""
+    """The particles of one garment and the triangles of the other that they meet.
 
+    Attributes:
+        edges: Edges of the particles' own mesh, shape [e, 2].
+        triangles: The other garment's triangles as its particles, shape [t, 3].
+        neighbour: Triangles across their edges, -1 at a border, shape [t, 3].
+        near: Triangle that each particle is near to, -1 for none, shape [n].
+        start: Scratch of the search.
+        entry: Scratch of the search.
+    """
+
+    edges: IntArray
     triangles: IntArray
     neighbour: IntArray
     near: IntArray
@@ -69,6 +81,8 @@ class LayerPair:
                 find_triangles(
                     me.x, other.x, mine.triangles, self._reach, mine.start, mine.entry, mine.near
                 )
+            elif self._steps % _SPREAD_EVERY == 0:
+                take_from_neighbours(mine.edges, mine.near)
             touching += separate(
                 me.x,
                 me.v,
@@ -94,6 +108,7 @@ def _side(mine: ClothModel, other: ClothModel) -> _Side:
     triangles = particle[other.triangles]
     cells = 1 << int(np.ceil(np.log2(max(len(triangles), 2))))
     return _Side(
+        edges=_edges(mine),
         triangles=np.ascontiguousarray(triangles),
         neighbour=neighbours(other.triangles),
         near=np.full(len(mine), -1, np.int32),
@@ -116,8 +131,13 @@ def neighbours(triangles: IntArray) -> IntArray:
     return twin.reshape(-1, 3)
 
 
+def _edges(model: ClothModel) -> IntArray:
+    """Pairs of particles, shape [e, 2]."""
+    particle = np.empty(len(model), np.int32)
+    particle[model.vertex] = np.arange(len(model), dtype=np.int32)
+    return particle[mesh_topology(model.triangles).edges]
+
+
 def _edge_length(model: ClothModel) -> float:
-    edges = mesh_topology(model.triangles).edges
-    rest = np.empty_like(model.rest)
-    rest[model.vertex] = model.rest
-    return float(np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1).mean())
+    edges = _edges(model)
+    return float(np.linalg.norm(model.rest[edges[:, 0]] - model.rest[edges[:, 1]], axis=1).mean())

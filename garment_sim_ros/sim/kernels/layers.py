@@ -115,6 +115,26 @@ def find_triangles(x, other, triangles, reach, start, entry, near):
 
 
 @kernel()
+def take_from_neighbours(edges, near):
+    """Gives particles without a triangle that of a neighbour to start from, one ring at a time.
+
+    Args:
+        edges: Pairs of particles, shape [e, 2].
+        near: The triangle of each particle, -1 for none, changed in place, shape [n].
+    """
+    for e in range(edges.shape[0]):
+        i, j = edges[e, 0], edges[e, 1]
+        # What is taken is marked until the end, else it would run through the whole garment.
+        if near[i] == -1 and near[j] >= 0:
+            near[i] = -2 - near[j]
+        elif near[j] == -1 and near[i] >= 0:
+            near[j] = -2 - near[i]
+    for p in range(near.size):
+        if near[p] < -1:
+            near[p] = -2 - near[p]
+
+
+@kernel()
 def separate(
     x,
     v,
