@@ -67,8 +67,8 @@ def test_moves_as_the_twin_does(cloth, seed, side):
     topology = mesh_topology(triangles)
     border = {tuple(e) for e in topology.edges[topology.triangle_count == 1].tolist()}
     exact = [[a.astype(np.float64) for a in part] for part in (mine, other)]
-    # One particle at a time, and none that is nearest to an edge: of the two triangles there either
-    # may be taken, and so may be after another particle has moved them.
+    # One particle at a time, as each moves what the next one meets; and none that is nearest to
+    # an edge, where either of two triangles may be taken.
     for p in range(0, len(mine[0]), 7):
         _, w = naive_layers.nearest_triangle(exact[0][0][p], exact[1][0], triangles, REACH)
         if (w == 0.0).any():
