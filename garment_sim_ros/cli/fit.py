@@ -32,10 +32,11 @@ from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.params import HullSettings, declarations, validated
-from garment_sim_ros.tradeoff.previews import Figure, Look, moments
 from garment_sim_ros.tradeoff.render import Camera, Surface, render
 
 EXAMPLE = "garment-sim fit avatar.glb --out colliders.json --preview colliders.png"
+
+_FRONT, _SIDE, _BACK = (2.5, 0.8, 0.2), (0.3, 2.6, 0.2), (-2.5, 0.8, 0.2)
 
 METHODS = ("capsule", "sphere", "ellipsoid", "hull", "auto")
 
@@ -173,39 +174,43 @@ def _draw_regions(body: Body, segmentation: str, path: Path) -> None:
         )
         for i in range(len(REGIONS))
     ]
+    _views([surfaces, surfaces], (_FRONT, _BACK), path)
+
+
+def _views(
+    figures: list[list[Surface]], directions: tuple[tuple[float, float, float], ...], path: Path
+) -> None:
+    """Figures side by side, each seen from its own direction."""
+    x = np.concatenate([surface.vertices for surface in figures[-1]])
     target = 0.5 * (x.min(axis=0) + x.max(axis=0))
     size = float(np.ptp(x, axis=0).max())
-    views = [
+    pictures = [
         render(
             surfaces,
-            Camera(position=target + np.array([side * 2.5, 0.8, 0.2]) * size, target=target),
+            Camera(position=target + size * np.asarray(direction), target=target),
             480,
             760,
             floor=float(x[:, 2].min()),
         )
-        for side in (1.0, -1.0)
+        for surfaces, direction in zip(figures, directions)
     ]
-    Image.fromarray(np.concatenate(views, axis=1)).save(path)
+    Image.fromarray(np.concatenate(pictures, axis=1)).save(path)
 
 
 def _draw(body: Body, colliders: ColliderSet, path: Path) -> None:
-    """The skin, and the skin with its colliders, from front and back."""
+    """The skin, and the skin with its colliders from front and side."""
     T_world_bone = np.asarray(np.linalg.inv(body.skin.T_bone_bind), np.float64)
     poses = ColliderPoser(colliders, body).poses(T_world_bone)
-    meshes = []
+    skin = Surface(
+        vertices=body.skin.vertices, triangles=body.skin.triangles, color=(0.85, 0.7, 0.6)
+    )
+    fitted = [skin]
     for collider, position, orientation in zip(
         colliders.colliders, poses.position, poses.orientation
     ):
         if collider.kind != "frame":
             vertices, triangles = surface(collider)
-            meshes.append((vertices @ matrix_from_quaternion(orientation).T + position, triangles))
-    skin = body.skin.vertices
-    root = 0.5 * (skin.min(axis=0) + skin.max(axis=0))
-    bare = Figure(skin=skin, garments=(), root=root)
-    fitted = Figure(skin=skin, garments=tuple(m[0] for m in meshes), root=root)
-    look = Look(
-        skin_triangles=body.skin.triangles,
-        garment_triangles=tuple(m[1] for m in meshes),
-        floor=float(skin[:, 2].min()),
-    )
-    moments([bare, fitted], look, path)
+            vertices = vertices @ matrix_from_quaternion(orientation).T + position
+            color = colorsys.hsv_to_rgb(0.381966 * len(fitted) % 1.0, 0.6, 0.8)
+            fitted.append(Surface(vertices=vertices, triangles=triangles, color=color))
+    _views([[skin], fitted, fitted], (_FRONT, _FRONT, _SIDE), path)
