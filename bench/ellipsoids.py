@@ -218,7 +218,8 @@ def figures(rounds: int) -> dict[str, object]:
     walk = Walk(5000, 60)
     x0, x1 = walk.cloth(3190)
     collision = Collision(walk, x0, x1)
-    step, contacts = collision.ms(rounds), collision.run()
+    contacts = collision.run()
+    step = collision.ms(4 * rounds)
     finer = []
     skin, triangles = walk.x0, walk.body.skin.triangles
     for _ in range(3):

@@ -35,7 +35,7 @@ from garment_sim_ros.params import HullSettings
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
-QUERY_NS = {"sphere": 3.0, "capsule": 10.0, "hull": 33.0, "ellipsoid": 60.0}
+QUERY_NS = {"sphere": 5.0, "capsule": 12.0, "hull": 27.0, "ellipsoid": 97.0}
 """What one query near a shape takes [ns], measured by ``bench/query_cost.py``; only their ratios
 matter here."""
 _DEARER = 1.25
