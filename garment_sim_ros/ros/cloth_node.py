@@ -71,12 +71,18 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         if not p.body:
             raise ParameterError("body", "found nothing", "allowed: the wearer's file")
         outfit = p.outfit or DEFAULT_OUTFIT
-        layers = {entry.layer for entry in read_outfit(outfit).garments}
+        file = read_outfit(outfit)
+        with reporting(self.get_logger().info, "compile, or load what is compiled"):
+            warm_up(
+                p.solver,
+                kind=file.colliders.method.removesuffix("s"),
+                layers=len({entry.layer for entry in file.garments}) > 1,
+                environment=self._environment.values,
+            )
+            garment_publishers.warm_up()
+        # Last: by now `collider_node` may have left it in the cache.
         with reporting(self.get_logger().info, f"load the body {p.body}"):
             body = load_body(p.body)
-        with reporting(self.get_logger().info, "compile, or load what is compiled"):
-            warm_up(p.solver, layers=len(layers) > 1, environment=self._environment.values)
-            garment_publishers.warm_up()
         self._dresser = Dresser(
             outfit, body, frame_id=p.frame_id, solver=p.solver, solver_step=p.solver_step
         )

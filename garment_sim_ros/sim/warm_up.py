@@ -9,14 +9,28 @@ from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.params import Environment, Material
 from garment_sim_ros.sim.simulation import Simulation
 
+_CORNERS = 0.1 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+_GEOMETRY: dict[str, dict[str, object]] = {
+    "sphere": {"radius": 0.1},
+    "capsule": {"radius0": 0.1, "radius1": 0.1, "length": 0.1},
+    "ellipsoid": {"radii": np.full(3, 0.1)},
+    "hull": {"vertices": _CORNERS, "faces": [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]},
+}
+
 
 def warm_up(
-    solver: str = "relaxation", *, layers: bool = False, environment: Environment | None = None
+    solver: str = "relaxation",
+    *,
+    kind: str = "sphere",
+    layers: bool = False,
+    environment: Environment | None = None,
 ) -> None:
     """Compiles, or loads from the cache, all that a `Simulation` with this solver runs.
 
     Args:
         solver: Its name.
+        kind: Kind of the colliders; the code of hulls and of ellipsoids is only compiled for sets
+            that have some.
         layers: Whether garments are worn over others.
         environment: Outer forces: wind on triangles is compiled where there is any.
 
@@ -37,10 +51,10 @@ def warm_up(
         passed_by=(),
         layer=0,
     )
-    ball = Collider(name="ball", kind="sphere", bone="bone", geometry={"radius": 0.1})
+    shape = Collider(name="shape", kind=kind, bone="bone", geometry=_GEOMETRY[kind])
     over: Any = SimpleNamespace(**{**vars(scrap), "name": "over", "layer": int(layers)})
     simulation = Simulation(
-        (scrap, over), ColliderSet(colliders=(ball,)), environment=environment, solver=solver
+        (scrap, over), ColliderSet(colliders=(shape,)), environment=environment, solver=solver
     )
     poses = ColliderPoses.identity(1)
     simulation.reset(poses)
