@@ -1,6 +1,6 @@
 # Needs Python 3.10 to 3.13 and make; everything else goes into .venv.
 .DEFAULT_GOAL := help
-.PHONY: help test test-slow test-colcon bench demo lint clean
+.PHONY: help test test-slow test-colcon bench demo mannequin lint clean
 SHELL := /bin/bash
 
 # The first Python that is young enough and old enough.
@@ -43,6 +43,10 @@ bench: $(STAMP) ## Timing figures, as ratios within one run
 
 demo: $(STAMP) ## A dressed, walking avatar over real ROS 2; pictures and figures in out/demo
 	$(PY) -m garment_sim_ros.cli.main demo --out out/demo $(ARGS)
+
+mannequin: $(STAMP) ## The default mannequin anew, after a change to how it is grown
+	$(PY) -c "import numpy; from garment_sim_ros.body.mannequin import MannequinOptions, grown; \
+	numpy.savez_compressed('garment_sim_ros/body/mannequin_default.npz', **grown(MannequinOptions()))"
 
 clean: ## Everything that was made here
 	rm -rf .venv out build install log *.egg-info .*_cache .hypothesis

@@ -5,6 +5,7 @@ works without any file. Fingers and face are left out. Rest pose: upright, facin
 degrees below the horizontal, feet on z = 0 about a hip's breadth apart.
 """
 
+import importlib.resources
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -105,9 +106,12 @@ def _rest(left: dict[str, FloatArray]) -> FloatArray:
 
 @lru_cache(maxsize=8)
 def _mannequin(options: MannequinOptions) -> Body:
-    made = cached_arrays(
-        "bodies", f"{options} {code_digest('body', 'geometry')}", lambda: _grown(options)
-    )
+    if options == MannequinOptions():
+        made = _shipped()
+    else:
+        made = cached_arrays(
+            "bodies", f"{options} {code_digest('body', 'geometry')}", lambda: grown(options)
+        )
     bones = _bones()
     names = tuple(bones)
     return Body(
@@ -129,8 +133,19 @@ def _mannequin(options: MannequinOptions) -> Body:
     )
 
 
-def _grown(options: MannequinOptions) -> dict[str, NDArray[Any]]:
-    """The arrays of rig and skin."""
+def _shipped() -> dict[str, NDArray[Any]]:
+    """The default mannequin, grown once for all: the same bits everywhere, and at once."""
+    file = importlib.resources.files("garment_sim_ros.body") / "mannequin_default.npz"
+    with file.open("rb") as data, np.load(data, allow_pickle=False) as stored:
+        return {name: stored[name] for name in stored.files}
+
+
+def grown(options: MannequinOptions) -> dict[str, NDArray[Any]]:
+    """The arrays of rig and skin, by name; `make mannequin` writes those of the default.
+
+    Args:
+        options: What it looks like.
+    """
     # Only where no such mannequin was made before: what it takes is slow to import, too.
     from garment_sim_ros.body.mannequin_figure import figure
     from garment_sim_ros.body.mannequin_mesh import symmetric_mesh
