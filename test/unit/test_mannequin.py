@@ -299,7 +299,7 @@ def test_options_are_checked(option):
 
 
 def test_the_shipped_default_is_what_the_code_grows():
-    """`make mannequin` was not forgotten; processors differ in last digits, so in some triangles."""
+    """`make mannequin` was not forgotten; processors differ in some triangles."""
     shipped, made = mannequin(), grown(MannequinOptions())
     np.testing.assert_allclose(shipped.rig.T_parent_joint, made["T_parent_joint"], atol=1e-6)
     np.testing.assert_allclose(shipped.skin.T_bone_bind, made["T_bone_bind"], atol=1e-6)
