@@ -8,8 +8,6 @@ line holds too; the rest is a collider description, whose revision shows any dam
 import contextlib
 import dataclasses
 import hashlib
-import os
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -21,7 +19,7 @@ from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.description import MAX_TEXT, from_json, to_json
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.errors import InputFileError, MessageError
-from garment_sim_ros.geometry.disk_cache import code_digest, user_cache
+from garment_sim_ros.geometry.disk_cache import code_digest, keep_newest, replace_file, user_cache
 from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.params import ColliderOptions
 
@@ -120,18 +118,7 @@ def _folders(source: str | Path | None) -> list[Path]:
 
 def _write(folder: Path, name: str, text: str) -> None:
     """All or nothing; older fits of the same body and method make room."""
-    if not folder.exists():
-        folder.mkdir(parents=True)
-    with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".part", delete=False) as partial:
-        try:
-            partial.write(text)
-            partial.close()
-            os.replace(partial.name, folder / name)
-        except OSError:
-            Path(partial.name).unlink(missing_ok=True)
-            raise
+    replace_file(folder / name, text.encode())
     body_and_method = name.rsplit(".", 2)[0]
     kept = [f for f in folder.iterdir() if f.name.startswith(f"{body_and_method}.")]
-    kept = [f for f in kept if f.suffix == _SUFFIX]
-    for old in sorted(kept, key=lambda f: f.stat().st_mtime)[:-_KEPT]:
-        old.unlink(missing_ok=True)
+    keep_newest((f for f in kept if f.suffix == _SUFFIX), _KEPT)

@@ -6,7 +6,7 @@ import io
 import os
 import tempfile
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -72,18 +72,31 @@ def cached_arrays(folder: str, key: str, make: Callable[[], Arrays]) -> dict[str
         pass
     arrays = dict(make())
     with contextlib.suppress(OSError):
-        _write(file, arrays)
+        data = io.BytesIO()
+        np.savez(data, allow_pickle=False, **arrays)
+        replace_file(file, data.getvalue())
+        keep_newest(file.parent.glob("*.npz"), _KEPT)
     return arrays
 
 
-def _write(file: Path, arrays: Arrays) -> None:
-    """All or nothing, and never half of it for somebody who reads at the same time."""
+def replace_file(file: Path, data: bytes) -> None:
+    """Writes all of a file or nothing, and never half of it for who reads at the same time.
+
+    Raises:
+        OSError: It cannot be written; what was there stays.
+    """
     file.parent.mkdir(parents=True, exist_ok=True)
-    data = io.BytesIO()
-    np.savez(data, allow_pickle=False, **arrays)
-    with tempfile.NamedTemporaryFile(dir=file.parent, delete=False) as partial:
-        partial.write(data.getvalue())
-    os.replace(partial.name, file)
-    old = sorted(file.parent.glob("*.npz"), key=lambda other: other.stat().st_mtime)[:-_KEPT]
-    for other in old:
-        other.unlink(missing_ok=True)
+    with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as partial:
+        try:
+            partial.write(data)
+            partial.close()
+            os.replace(partial.name, file)
+        except OSError:
+            Path(partial.name).unlink(missing_ok=True)
+            raise
+
+
+def keep_newest(files: Iterable[Path], count: int) -> None:
+    """Removes all but the `count` files that were changed or used last."""
+    for old in sorted(files, key=lambda file: file.stat().st_mtime)[:-count]:
+        old.unlink(missing_ok=True)
