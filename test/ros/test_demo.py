@@ -53,7 +53,6 @@ def test_demo_leaves_bag_figures_and_pictures(tmp_path):
     assert json.loads(done.stdout.splitlines()[-1]) == summary
     assert set(summary) >= FIGURES
     assert summary["finite"] is True
-    assert summary["frames"] > 30
     assert set(summary["garments"]) == {"tshirt", "skirt"}
     for garment in summary["garments"].values():
         assert garment["vertices"] > 1000
@@ -62,10 +61,13 @@ def test_demo_leaves_bag_figures_and_pictures(tmp_path):
     with AnyReader([out / "bag"]) as reader:
         counts = {c.topic: c.msgcount for c in reader.connections}
     assert {topic for topic, count in counts.items() if count} >= TOPICS
+    # How many there are in two seconds says how fast and busy the machine is, no more.
+    frames = min(counts[f"/garments/{name}/points"] for name in ("tshirt", "skirt"))
+    assert summary["frames"] == frames > 1
     with Image.open(out / "preview.png") as picture:
         assert picture.width > 3 * picture.height / 2
     with Image.open(out / "preview.gif") as film:
-        assert film.n_frames > 10
+        assert film.n_frames > 1
     assert (out / "preview.gif").stat().st_size < 3e6
     assert {p.name for p in out.iterdir()} == {
         *("bag", "logs", "preview.gif", "preview.png", "summary.json"),
