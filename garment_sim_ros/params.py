@@ -106,6 +106,16 @@ class Environment:
     gust_seed: int = parameter(
         1, "The same seed gives the same noise.", minimum=0, maximum=2**31 - 1
     )
+    root_linear_inertia: float = parameter(
+        1.0,
+        "Fraction of the body's own translation that cloth feels: 1 is the world as it is, 0 the "
+        "first paper's simulation relative to the body.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    root_angular_inertia: float = parameter(
+        1.0, "Fraction of the body's own rotation that cloth feels.", minimum=0.0, maximum=1.0
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -286,10 +296,22 @@ class ClothNodeParameters:
     )
     teleport_speed: float = parameter(
         30.0,
-        "Colliders that move faster are taken to have jumped: the cloth is put on again.",
+        "Colliders that move faster are taken to have jumped.",
         unit="m/s",
         minimum=1.0,
         maximum=1e6,
+    )
+    teleport_turn_rate: float = parameter(
+        105.0,
+        "A root that turns faster is taken to have jumped.",
+        unit="rad/s",
+        minimum=1.0,
+        maximum=1e6,
+    )
+    on_teleport: str = parameter(
+        "reset",
+        "Where the body has jumped the cloth is put on again, keeps its folds, or takes part.",
+        choices=("reset", "keep", "ignore"),
     )
     time_jump: float = parameter(
         1.0, "Stamps farther apart begin a new time.", unit="s", minimum=0.05, maximum=1e6

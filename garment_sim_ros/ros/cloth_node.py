@@ -33,6 +33,7 @@ from garment_sim_ros.sim.warm_up import warm_up
 
 _FASTEST_INPUT = 1000.0
 """Poses may come this often without any being lost between two frames [Hz]."""
+_DYNAMIC_FORCES = ("gravity", "wind", "root_linear_inertia", "root_angular_inertia")
 _MOST_EARLY_POSES = 10_000
 """Messages kept, with `step_on` poses, until the description is there."""
 
@@ -43,7 +44,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
     def __init__(self) -> None:
         super().__init__("cloth_node", ClothNodeParameters, dynamic=("delay",))
         self._environment = NodeParameters(
-            self, Environment, dynamic=("gravity", "wind"), on_change=self._change_forces
+            self, Environment, dynamic=_DYNAMIC_FORCES, on_change=self._change_forces
         )
         group = _settings_of(self.parameters.solver)
         self._settings = NodeParameters(
@@ -136,6 +137,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
                 "late_frames": self._late_frames,
                 "step_ms": self._step_ms,
                 "resets": stepper.resets,
+                "teleports": stepper.teleports,
                 "skipped_s": stepper.skipped / SECOND,
                 "input_period_ms": 1e3 * stepper.period / SECOND,
                 "solver_steps": stepper.steps,
@@ -166,6 +168,8 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             delay=p.delay,
             catch_up=p.catch_up,
             teleport_speed=p.teleport_speed,
+            teleport_turn_rate=p.teleport_turn_rate,
+            on_teleport=p.on_teleport,
             time_jump=p.time_jump,
         )
         self._qualities = [GarmentQuality(name, simulation) for name in simulation.names]

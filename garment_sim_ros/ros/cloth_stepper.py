@@ -9,6 +9,7 @@ from garment_sim_ros.geometry.shapes import ColliderPoses
 from garment_sim_ros.ros.pose_buffer import PoseBuffer
 from garment_sim_ros.ros.stamp_order import StampOrder
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.teleport import has_jumped
 
 POSE_COUNT = "pose_count"
 _SECOND = 1_000_000_000
@@ -16,8 +17,6 @@ _REMEMBERED = 32
 _LATENCY_WINDOW = _SECOND // 2
 """Arrivals are averaged over this time [ns], but over no fewer than so many messages:"""
 _FEWEST = 4
-_TELEPORT_DISTANCE = 0.3
-"""A collider that moves less between two messages has not jumped, however fast it was [m]."""
 
 
 class ClothStepper:
@@ -30,12 +29,16 @@ class ClothStepper:
         delay: How far the cloth stays behind the newest poses [s]; below 0: one input period.
         catch_up: Most time to simulate at once where frames are due [s].
         teleport_speed: Colliders that move faster have jumped [m/s].
+        teleport_turn_rate: A root that turns faster has jumped [rad/s].
+        on_teleport: What follows: "reset" puts the garments on anew, "keep" takes them along as
+            they are, "ignore" simulates the way.
         time_jump: Stamps farther apart begin a new time [s].
 
     Attributes:
         time: Simulated time [ns], None before the first poses.
         steps: Steps taken.
         resets: Times the garments were put on anew, the first time not counted.
+        teleports: Jumps of the body.
         skipped: Time that was passed over because there was too much of it [ns].
         delay: As given.
     """
@@ -47,23 +50,28 @@ class ClothStepper:
         delay: float,
         catch_up: float,
         teleport_speed: float,
+        teleport_turn_rate: float,
+        on_teleport: str,
         time_jump: float,
     ) -> None:
         self.simulation = simulation
         self.time: int | None = None
         self.steps = 0
         self.resets = 0
+        self.teleports = 0
         self.skipped = 0
         self.delay = delay
         self._step = round(simulation.solver_step * _SECOND)
         self._most_steps = max(1, round(catch_up * _SECOND) // self._step)
-        self._teleport_speed = teleport_speed
+        self._jump = {"speed": teleport_speed, "turn_rate": teleport_turn_rate}
+        self._on_teleport = on_teleport
         self._order = StampOrder(time_jump)
         self._buffer = PoseBuffer()
         self._periods: deque[int] = deque(maxlen=_REMEMBERED)
         self._latency = 0.0
         self._messages = 0
         self._starts_anew = True
+        self._carries = False
         count = len(simulation.collider_set)
         self._now, self._next = ColliderPoses.identity(count), ColliderPoses.identity(count)
 
@@ -87,7 +95,13 @@ class ClothStepper:
         anew = self._order.accept(stamp)
         if before is not None and not anew:
             self._periods.append(stamp - before)
-            anew = self._is_teleport(self._buffer.newest[1], poses, stamp - before)
+            newest = self._buffer.newest[1]
+            if has_jumped(newest, poses, (stamp - before) / _SECOND, **self._jump):
+                self.teleports += 1
+                anew = self._on_teleport == "reset"
+                if self._on_teleport == "keep":
+                    self._carries = True
+                    self._buffer.clear()
         if anew:
             self._starts_anew = True
             self._periods.clear()
@@ -139,6 +153,9 @@ class ClothStepper:
                 # Settling took a while, in which no messages were taken.
                 self._order.excuse_gap()
             return True
+        if self._carries:
+            self._take_along(*self._buffer.newest)
+            return True
         steps = (until - self.time) // self._step
         if steps <= 0:
             return False
@@ -157,7 +174,14 @@ class ClothStepper:
         self.simulation.reset(poses)
         self.time = stamp
         self._now = poses.copy()
-        self._starts_anew = False
+        self._starts_anew = self._carries = False
+
+    def _take_along(self, stamp: int, poses: ColliderPoses) -> None:
+        """Take the garments along on a jump; time until then is passed over."""
+        self.simulation.carry(self._now, poses)
+        self.time = stamp
+        self._now = poses.copy()
+        self._carries = False
 
     def _pass_over(self, time: int) -> None:
         """Take the garments along to a time without simulating."""
@@ -172,7 +196,3 @@ class ClothStepper:
         self.simulation.advance(self._now, self._next)
         self._now, self._next = self._next, self._now
         self.steps += 1
-
-    def _is_teleport(self, before: ColliderPoses, after: ColliderPoses, time: int) -> bool:
-        moved = np.abs(after.position - before.position).max(initial=0.0)
-        return bool(moved > _TELEPORT_DISTANCE and moved * _SECOND > self._teleport_speed * time)

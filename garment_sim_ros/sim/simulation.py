@@ -10,32 +10,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.errors import GeometryError, MessageError, ParameterError
-from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
 from garment_sim_ros.geometry.contact_sides import Sides
 from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.topology import vertex_normals
-from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.params import Environment, RelaxationSettings, XpbdSettings
+from garment_sim_ros.sim.collider_motion import ColliderMotion
 from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.kernels.layers import measure_motion
 from garment_sim_ros.sim.kernels.motion import carry_pins, shift, to_file_order
 from garment_sim_ros.sim.layers import LayerPair
 from garment_sim_ros.sim.model import ClothModel, Parameters, build_model
 from garment_sim_ros.sim.placement import Frames, GarmentLike, blend, find_frames, pin_positions
+from garment_sim_ros.sim.root_motion import TakenOut, take_along
 from garment_sim_ros.sim.settle import settle
 from garment_sim_ros.sim.sides import shape_sides
 from garment_sim_ros.sim.solvers import SOLVERS
-from garment_sim_ros.sim.state import ColliderState, State, Workspace
+from garment_sim_ros.sim.state import State, Workspace
 from garment_sim_ros.sim.wind_field import WindOnCloth, wind_field
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 IntArray = NDArray[np.int32]
-
-_FARTHEST_ORIGIN = 1.0
-"""The local origin follows when the body is farther away than this [m]."""
-_WORLD_SIZE = 1e6
-"""Largest coordinate of a collider that is believed [m]."""
 
 
 @dataclass(kw_only=True)
@@ -96,16 +91,8 @@ class Simulation:
         self.collider_set = colliders
         self.solver_step = solver_step
         self._solver = SOLVERS[solver]
-        shapes = pack(colliders)
-        self._colliders = ColliderState(
-            shapes=shapes,
-            start=ColliderPoses.identity(len(colliders)),
-            end=ColliderPoses.identity(len(colliders)),
-            thickness=colliders.thickness,
-            origin=np.zeros(3),
-            posed=PosedShapes.room_for(shapes),
-        )
-        self._origin_shift = np.zeros(3, np.float32)
+        self._motion = ColliderMotion(colliders)
+        self._colliders = self._motion.state
         # Inner ones first: what lies on them then meets them where they are.
         self._worn = {g.name: self._wear(g) for g in sorted(garments, key=lambda g: g.layer)}
         self._under: dict[str, list[tuple[_Worn, LayerPair]]] = {
@@ -163,6 +150,9 @@ class Simulation:
     def parameters(self, parameters: Parameters) -> None:
         field = wind_field(parameters.environment)
         self._parameters = parameters
+        self._taken_out = TakenOut(
+            parameters.environment.root_linear_inertia, parameters.environment.root_angular_inertia
+        )
         self._wind = {n: WindOnCloth(field, w.model) for n, w in self._worn.items() if field}
 
     @property
@@ -216,11 +206,10 @@ class Simulation:
         Raises:
             MessageError: Poses that are not usable; nothing changes.
         """
-        self._check(poses)
+        self._motion.check(poses)
         self.time = 0.0
         colliders = self._colliders
-        colliders.origin[:] = poses.position.mean(axis=0) if len(poses.position) else 0.0
-        self._interpolate(poses, poses, 0.0, 1.0)
+        self._motion.stand(poses)
         for worn in self._worn.values():
             x_world = blend(worn.garment, worn.frames.world(poses))
             worn.state.assign(State.at(worn.model, x_world, colliders.origin))
@@ -252,8 +241,8 @@ class Simulation:
         Raises:
             MessageError: Poses that are not usable; nothing changes.
         """
-        self._check(poses_start)
-        self._check(poses_end)
+        self._motion.check(poses_start)
+        self._motion.check(poses_end)
         self._follow(poses_start)
         for worn in self._worn.values():
             start, end = (
@@ -280,15 +269,16 @@ class Simulation:
         Raises:
             MessageError: Poses or a time that are not usable; nothing changes.
         """
-        self._check(poses_start)
-        self._check(poses_end)
+        self._motion.check(poses_start)
+        self._motion.check(poses_end)
         dt = self.solver_step if dt is None else dt
         if not (math.isfinite(dt) and dt > 0.0):
             raise MessageError("step_not_positive", f"found {dt!r} s; above 0 s is allowed")
         steps = max(1, math.ceil(dt / self.solver_step - 1e-6))
         self._follow(poses_start)
         for n in range(steps):
-            self._interpolate(poses_start, poses_end, n / steps, (n + 1) / steps)
+            self._motion.interpolate(poses_start, poses_end, n / steps, (n + 1) / steps)
+            self._take_along()
             for worn in self._worn.values():
                 self._step(
                     worn,
@@ -314,61 +304,25 @@ class Simulation:
                 for one in (inner, worn):
                     measure_motion(one.state.v[: one.model.free_count], one.workspace.motion)
 
-    def _check(self, poses: ColliderPoses) -> None:
-        n = len(self.collider_set)
-        if poses.position.shape != (n, 3) or poses.orientation.shape != (n, 4):
-            raise MessageError(
-                "pose_count",
-                f"found positions of shape {poses.position.shape} and orientations of shape "
-                f"{poses.orientation.shape}; the collider set has {n} colliders",
-            )
-        if not (np.isfinite(poses.position).all() and np.isfinite(poses.orientation).all()):
-            raise MessageError("poses_not_finite", "found NaN or infinity in collider poses")
-        if n and np.abs(poses.position).max() > _WORLD_SIZE:
-            raise MessageError(
-                "pose_too_far",
-                f"found a coordinate of {np.abs(poses.position).max():.4g} m; up to "
-                f"{_WORLD_SIZE:g} m is allowed",
-            )
-        norm = np.linalg.norm(poses.orientation, axis=1)
-        if n and (np.abs(norm - 1.0) > 1e-3).any():
-            worst = int(np.argmax(np.abs(norm - 1.0)))
-            raise MessageError(
-                "orientation_not_unit",
-                f"collider {self.collider_set.colliders[worst].name!r} has an orientation of "
-                f"length {norm[worst]:.4g}; 1 is allowed",
-            )
-
     def _follow(self, poses: ColliderPoses) -> None:
         """Moves the local origin after the body."""
-        if not len(poses.position):
-            return
-        origin = self._colliders.origin
-        away = poses.position.mean(axis=0) - origin
-        if np.abs(away).max() < _FARTHEST_ORIGIN:
-            return
-        # Whole multiples of 1/4 m: subtracting them hardly rounds a float32 coordinate.
-        away = np.round(away * 4.0) / 4.0
-        origin += away
-        self._origin_shift[:] = -away
-        for worn in self._worn.values():
-            shift(worn.state.x, self._origin_shift)
-            shift(worn.good.x, self._origin_shift)
+        shift_by = self._motion.follow(poses)
+        if shift_by is not None:
+            for worn in self._worn.values():
+                shift(worn.state.x, shift_by)
+                shift(worn.good.x, shift_by)
 
-    def _interpolate(self, start: ColliderPoses, end: ColliderPoses, s0: float, s1: float) -> None:
-        """Poses colliders for a step that takes place between s0 and s1 of the way."""
-        c = self._colliders
-        for s, pose_at in ((s0, c.start), (s1, c.end)):
-            interpolate_poses(
-                start.position,
-                start.orientation,
-                end.position,
-                end.orientation,
-                s,
-                pose_at.position,
-                pose_at.orientation,
+    def _take_along(self) -> None:
+        """Takes the root's motion, as far as the cloth shall not feel it, out of a step."""
+        if self._taken_out.is_nothing or not len(self.collider_set):
+            return
+        colliders, taken = self._colliders, self._taken_out
+        taken.begin_step(colliders.start, colliders.end)
+        self._motion.pose_shapes()
+        for worn in self._worn.values():
+            take_along(
+                worn.state.x, worn.state.v, colliders.origin, taken.pivot, taken.turn, taken.way
             )
-        pose(c.shapes, c.start, c.end, c.origin, c.posed)
 
     def _place_pins(self, worn: _Worn) -> None:
         """Puts pinned particles where their colliders are, at rest."""

@@ -154,7 +154,10 @@ class TestClothStepper:
                 geometry={"radius": 0.1},
             )
             simulation = Simulation((garment,), cloth.colliders(ball), solver_step=STEP / SECOND)
-            values = {"delay": 0.0, "catch_up": 0.1, "teleport_speed": 30.0, "time_jump": 1.0}
+            values = {
+                **{"delay": 0.0, "catch_up": 0.1, "time_jump": 1.0},
+                **{"teleport_speed": 30.0, "teleport_turn_rate": 105.0, "on_teleport": "reset"},
+            }
             stepper = ClothStepper(simulation, **{**values, **options})
             stepper.moves = []
             advance, reset = simulation.advance, simulation.reset
@@ -276,6 +279,43 @@ class TestClothStepper:
         assert stepper.resets == 1
         assert stepper.moves[-1] == ("reset", 0.75)
         assert stepper.time == 2 * STEP
+
+    def test_a_root_that_turns_round_at_once_has_jumped(self, make):
+        stepper = make()
+        self.feed(stepper, 0, 0.0)
+        for step, turn in ((1, 0.9), (2, 2.0)):  # 90 rad/s, 110 rad/s
+            found = poses(0.0)
+            found.orientation[:, 2:] = np.sin(turn / 2), np.cos(turn / 2)
+            stepper.add(step * STEP, found, step * STEP)
+            assert stepper.teleports == (step == 2)
+
+    def test_cloth_that_is_kept_jumps_along(self, make):
+        stepper = make(on_teleport="keep")
+        for i in range(30):
+            self.feed(stepper, i * STEP, 0.0)
+            stepper.advance(i * STEP)
+        x = stepper.simulation.positions("cloth").copy()
+        v = stepper.simulation.state("cloth").v.copy()
+        stepper.moves.clear()
+        self.feed(stepper, 30 * STEP, 0.75)
+        stepper.advance(30 * STEP)
+        assert (stepper.teleports, stepper.resets, stepper.moves) == (1, 0, [])
+        assert stepper.time == 30 * STEP
+        x[:, 0] += 0.75
+        assert stepper.simulation.positions("cloth") == pytest.approx(x, abs=1e-6)
+        assert (stepper.simulation.state("cloth").v == v).all()
+        self.feed(stepper, 31 * STEP, 0.76)
+        stepper.advance(31 * STEP)
+        np.testing.assert_allclose(stepper.moves, [(0.75, 0.76)], atol=1e-12)
+
+    def test_a_jump_that_is_ignored_is_simulated(self, make):
+        stepper = make(on_teleport="ignore")
+        self.feed(stepper, 0, 0.0)
+        stepper.advance(0)
+        self.feed(stepper, STEP, 0.75)
+        stepper.advance(STEP)
+        assert (stepper.teleports, stepper.resets) == (1, 0)
+        np.testing.assert_allclose(stepper.moves[-1], (0.0, 0.75), atol=1e-12)
 
     @pytest.mark.parametrize("bad", [poses(0.0, 1), poses(0.0, 3)])
     def test_poses_of_other_colliders_change_nothing(self, make, bad):
