@@ -1,8 +1,9 @@
 """The few bones that matter for colliders and garments; all small ones belong to one of them.
 
-In a human, these are hips, spine, chest, neck, head, upper and lower arms, hands, upper and lower
-legs and feet: twist joints, fingers, face, toes and collar bones move with the bone above them. In
-any other rig, a joint is major if the skin that it carries is a fair share of the whole.
+In a human, these are hips, spine, chest, upper chest, neck, head, upper and lower arms, hands,
+upper and lower legs and feet: twist joints, fingers, face, toes and collar bones move with the
+bone above them. In any other rig, a joint is major if the skin that it carries is a fair share of
+the whole.
 """
 
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 HUMAN_MAJOR: tuple[str, ...] = (
-    *("hips", "spine", "chest", "neck", "head"),
+    *("hips", "spine", "chest", "upperChest", "neck", "head"),
     *("leftUpperArm", "leftLowerArm", "leftHand", "leftUpperLeg", "leftLowerLeg", "leftFoot"),
     *("rightUpperArm", "rightLowerArm", "rightHand"),
     *("rightUpperLeg", "rightLowerLeg", "rightFoot"),
@@ -54,15 +55,10 @@ class MajorBones:
         return len(self.names)
 
 
-def major_bones(body: Body, *, also: tuple[str, ...] = ()) -> MajorBones:
-    """The major bones of a body; every one carries skin, its own or of a joint it owns.
-
-    Args:
-        body: Rig and skin.
-        also: Humanoid bones that are to be major besides `HUMAN_MAJOR`.
-    """
+def major_bones(body: Body) -> MajorBones:
+    """The major bones of a body; every one carries skin, its own or of a joint it owns."""
     carried = joint_areas(body.skin)
-    named = {body.rig.index(body.humanoid[b]) for b in (*HUMAN_MAJOR, *also) if b in body.humanoid}
+    named = {body.rig.index(body.humanoid[b]) for b in HUMAN_MAJOR if b in body.humanoid}
     if len(named) >= _MIN_HUMAN_BONES:
         origin = rest_transforms(body.rig)[:, :3, 3]
         chosen = {_end_of_ball_joint(j, named, body.rig.parent, origin, carried) for j in named}

@@ -16,7 +16,7 @@ EXAMPLE = "garment-sim demo --body avatar.glb --clip dance.bvh --out out/dance"
 
 OUTFIT = "tshirt_short_skirt"
 RATE = 60.0  # of the cloth [Hz]
-_START_LIMIT = 180.0  # for the first cloth, compiling included [s]
+_START_LIMIT = 180.0  # for the first cloth, once no node says that it is at work [s]
 _WAIT = 0.1
 
 
@@ -77,13 +77,16 @@ def _record(args: argparse.Namespace, stage: Path, began: float) -> float:
             ) from None
         with Recorder(stage / "bag") as recorder:
             with Waiting("starting") as waiting:
+                idle_since = time.monotonic()
                 while not recorder.first_cloth.wait(_WAIT):
                     nodes.check()
-                    if time.monotonic() - began > _START_LIMIT:
+                    if work := nodes.at_work():
+                        idle_since = time.monotonic()
+                    if time.monotonic() - idle_since > _START_LIMIT:
                         raise GarmentSimError(
                             f"no cloth after {_START_LIMIT:g} s: {nodes.last_words('cloth_node')}"
                         )
-                    waiting.show(nodes.last_words("cloth_node"))
+                    waiting.show(work or nodes.last_words("cloth_node"))
             first_cloth = time.monotonic() - began
             for _ in progress(range(round(args.seconds / _WAIT)), "recording"):
                 time.sleep(_WAIT)

@@ -17,6 +17,7 @@ import yaml
 from garment_sim_ros.errors import GarmentSimError
 
 _LOG_HEAD = re.compile(r"^\[[A-Z]+\] \[[0-9.]+\] \[\S+\]: ")
+_AT_WORK = re.compile(r": \d+ s so far$")
 _PATIENCE = 5.0  # for an orderly end [s]
 
 
@@ -97,6 +98,11 @@ class NodeProcesses:
         text = (self._logs / f"{name}.log").read_text(errors="replace")
         lines = [line.strip() for line in text.splitlines() if line.strip()]
         return _LOG_HEAD.sub("", lines[-1]) if lines else "no output yet"
+
+    def at_work(self) -> str:
+        """What a node says that it is still compiling, loading or fitting; empty if none does."""
+        words = (self.last_words(name) for name in self._processes)
+        return next((said for said in words if _AT_WORK.search(said)), "")
 
     def finish(self) -> None:
         """End all nodes as Ctrl-C would, and see that they end well.

@@ -16,8 +16,6 @@ from garment_sim_ros.body.skin import Body, Skin
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
-_ALSO = ("upperChest",)
-"""Bones that are not major but bend so far from the one above that hulls need them."""
 _FLEXIBLE = 0.02
 """A vertex on which two bones have at least this weight is flexible."""
 
@@ -53,14 +51,14 @@ class Regions:
 
 
 def skin_regions(body: Body, *, merge: float = 0.0) -> Regions:
-    """Regions of a body's major bones, and of those that bend as far.
+    """Regions of a body's major bones.
 
     Args:
         body: Rig and skin.
         merge: A region with less than this share of the skin's area joins the one above it, or
             the largest one below it if it is the topmost.
     """
-    bones = major_bones(body, also=_ALSO)
+    bones = major_bones(body)
     weight = bone_weights(body.skin, bones)
     area = vertex_areas(body.skin)
     parent = bones.parent.copy()

@@ -69,14 +69,26 @@ class LayerPair:
         self._of_outer.near[:] = -1
         self._steps = 0
 
-    def separate(self, inner: State, outer: State) -> int:
-        """Moves both apart where they touch or cross, after a step; returns in how many places."""
+    def separate(self, inner: State, outer: State, *, held: bool = False) -> int:
+        """Moves both apart where they touch or cross, after a step.
+
+        Args:
+            inner: The one under the other.
+            outer: The one over it.
+            held: Whether the inner one stays where it is. It must where it takes no steps of its
+                own: nothing would then pull back what many pushes add up to.
+
+        Returns:
+            In how many places they touched.
+        """
         touching = 0
-        for mine, states, models, side in (
-            (self._of_outer, (outer, inner), self._models[::-1], 1.0),
-            (self._of_inner, (inner, outer), self._models, -1.0),
+        mass = [model.inverse_mass for model in self._models]
+        if held:
+            mass[0] = np.zeros_like(mass[0])
+        for mine, (me, other), (my_mass, other_mass), side in (
+            (self._of_outer, (outer, inner), mass[::-1], 1.0),
+            (self._of_inner, (inner, outer), mass, -1.0),
         ):
-            (me, other), (my_model, other_model) = states, models
             if self._steps % _SEARCH_EVERY == 0:
                 find_triangles(
                     me.x, other.x, mine.triangles, self._reach, mine.start, mine.entry, mine.near
@@ -86,10 +98,10 @@ class LayerPair:
             touching += separate(
                 me.x,
                 me.v,
-                my_model.inverse_mass,
+                my_mass,
                 other.x,
                 other.v,
-                other_model.inverse_mass,
+                other_mass,
                 mine.triangles,
                 mine.neighbour,
                 mine.near,

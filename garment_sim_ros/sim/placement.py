@@ -124,6 +124,8 @@ def pin_positions(garment: GarmentLike, frames: Frames) -> FloatArray:
 def blend(garment: GarmentLike, T_world_frame: FloatArray) -> FloatArray:
     """Rest vertices carried by their frames like skin, blended linearly.
 
+    This is linear in the transforms: their difference gives displacements.
+
     Args:
         garment: The garment.
         T_world_frame: Current transforms of its frames, shape [b, 4, 4].
@@ -131,7 +133,13 @@ def blend(garment: GarmentLike, T_world_frame: FloatArray) -> FloatArray:
     Returns:
         World positions [m], shape [v, 3].
     """
-    T = (T_world_frame @ invert_transform(garment.T_world_frame_rest))[garment.frame_index]
+    T = (T_world_frame @ invert_transform(garment.T_world_frame_rest))[:, :3]
     x = np.asarray(garment.vertices, dtype=np.float64)
-    carried = np.einsum("vkij,vj->vki", T[..., :3, :3], x) + T[..., :3, 3]
-    return np.einsum("vk,vki->vi", garment.frame_weight, carried)
+    weight = np.zeros((len(x), len(T)))
+    for index, share in zip(garment.frame_index.T, garment.frame_weight.T):
+        weight[np.arange(len(x)), index] += share
+    # One product of matrices for all frames: w (R x + t) = (w x, w) (R, t)^T.
+    x1 = np.column_stack([x, np.ones(len(x))])
+    return (weight[:, :, None] * x1[:, None, :]).reshape(len(x), -1) @ T.transpose(
+        0, 2, 1
+    ).reshape(-1, 3)

@@ -218,7 +218,7 @@ class Simulation:
             for _, pair in self._under[worn.garment.name]:
                 pair.forget()
             worn.health.settling_steps = settle(
-                partial(self._step, worn),
+                partial(self._step, worn, held=True),
                 worn.model,
                 colliders,
                 self.parameters,
@@ -245,10 +245,9 @@ class Simulation:
         self._motion.check(poses_end)
         self._follow(poses_start)
         for worn in self._worn.values():
-            start, end = (
-                blend(worn.garment, worn.frames.world(p)) for p in (poses_start, poses_end)
-            )
-            worn.state.x += (end - start)[worn.model.vertex].astype(np.float32)
+            start, end = (worn.frames.world(p) for p in (poses_start, poses_end))
+            moved = blend(worn.garment, end - start)
+            worn.state.x += moved[worn.model.vertex].astype(np.float32)
         self._follow(poses_end)
         for worn in self._worn.values():
             worn.good.assign(worn.state)
@@ -294,13 +293,13 @@ class Simulation:
         for worn in self._worn.values():
             self._watch(worn)
 
-    def _step(self, worn: _Worn, *args: Any) -> None:
+    def _step(self, worn: _Worn, *args: Any, held: bool = False) -> None:
         """The solver's step for one garment, and its layer's place over those under it."""
         if self._wind:
             self._wind[worn.garment.name].blow(worn.state, self.origin, self.time, args[-1])
         self._solver.step(*args)
         for inner, pair in self._under[worn.garment.name]:
-            if pair.separate(inner.state, worn.state):
+            if pair.separate(inner.state, worn.state, held=held):
                 for one in (inner, worn):
                     measure_motion(one.state.v[: one.model.free_count], one.workspace.motion)
 

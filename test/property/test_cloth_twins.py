@@ -1,10 +1,14 @@
 """Every compiled kernel of the solver against its naive float64 twin."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
+from garment_sim_ros.geometry.transforms import transform_from
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim import naive
 from garment_sim_ros.sim.kernels.motion import (
@@ -16,6 +20,7 @@ from garment_sim_ros.sim.kernels.motion import (
 )
 from garment_sim_ros.sim.kernels.springs import correct_springs
 from garment_sim_ros.sim.model import build_model
+from garment_sim_ros.sim.placement import blend
 
 SEEDS = st.integers(0, 10**6)
 
@@ -116,3 +121,30 @@ def test_file_order_and_shift():
     moved = x.copy()
     shift(moved, np.array([0.25, -0.5, 1.0], np.float32))
     assert moved == pytest.approx(x + np.array([0.25, -0.5, 1.0]), abs=1e-6)
+
+
+def test_blend_of_frames_is_the_weighted_sum_over_each_vertex(cloth):
+    rng = np.random.default_rng(5)
+    x, triangles = cloth.grid(4, 5)
+    index = rng.integers(0, 3, (len(x), 4)).astype(np.int32)
+    weight = rng.dirichlet(np.ones(4), len(x))
+    rest, now = (
+        transform_from(rng.normal(size=(3, 3)), Rotation.random(3, rng).as_quat())
+        for _ in range(2)
+    )
+    garment = dataclasses.replace(
+        cloth.garment(x, triangles),
+        frames=("a", "b", "c"),
+        T_world_frame_rest=rest,
+        frame_index=index,
+        frame_weight=weight,
+    )
+    expected = np.zeros_like(x)
+    for v, position in enumerate(x):
+        for frame, share in zip(index[v], weight[v]):
+            carried = now[frame] @ np.linalg.inv(rest[frame]) @ np.append(position, 1.0)
+            expected[v] += share * carried[:3]
+    np.testing.assert_allclose(blend(garment, now), expected, atol=1e-12)
+    # Linear: displacements out of the difference of transforms.
+    moved = blend(garment, now) - blend(garment, rest)
+    np.testing.assert_allclose(blend(garment, now - rest), moved, atol=1e-12)

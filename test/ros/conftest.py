@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import queue
+import re
 import signal
 import subprocess
 import sys
@@ -11,12 +12,14 @@ import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
 _PATIENCE = 180.0
-"""How long a condition may take to come true on a busy machine that compiles [s]."""
+"""How long a condition may take to come true on a busy machine, not counting the time in which a
+node says that it compiles or fits [s]."""
+_AT_WORK = re.compile(r": \d+ s so far$")
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -38,17 +41,21 @@ def _own_network() -> Iterator[None]:
 
 def wait_until(condition: Callable[[], Any], what: str, limit: float = _PATIENCE) -> Any:
     """Returns what `condition` gives once that is true."""
-    end = time.monotonic() + limit
-    while time.monotonic() < end:
+    began = time.monotonic()
+    while time.monotonic() < max(began, NodeProcess.last_at_work) + limit:
         value = condition()
         if value:
             return value
         time.sleep(0.01)
-    raise AssertionError(f"after {limit:g} s still not: {what}")
+    said = "".join(f"\n{node.name} said:\n{node.output[-2000:]}" for node in NodeProcess.all)
+    raise AssertionError(f"after {limit:g} s still not: {what}{said}")
 
 
 class NodeProcess:
     """One of our nodes as a process."""
+
+    all: ClassVar[list["NodeProcess"]] = []  # those that have not been ended
+    last_at_work = 0.0  # when one of them last said so
 
     def __init__(self, name: str, namespace: str, **parameters: Any) -> None:
         command = [sys.executable, "-m", f"garment_sim_ros.ros.{name}", "--ros-args"]
@@ -61,6 +68,7 @@ class NodeProcess:
             command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         )
         self._lines: list[str] = []
+        NodeProcess.all.append(self)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -68,6 +76,8 @@ class NodeProcess:
         assert self._process.stdout is not None
         for line in self._process.stdout:
             self._lines.append(line)
+            if _AT_WORK.search(line.rstrip()):
+                NodeProcess.last_at_work = time.monotonic()
 
     @property
     def output(self) -> str:
@@ -88,6 +98,7 @@ class NodeProcess:
         return code
 
     def end(self) -> None:
+        NodeProcess.all.remove(self)
         if self.is_running:
             self._process.kill()
         self._process.wait()

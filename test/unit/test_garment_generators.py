@@ -5,8 +5,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from garment_sim_ros.body.kinematics import rest_transforms
+from garment_sim_ros.body.kinematics import rest_transforms, world_from_local
 from garment_sim_ros.body.loaders import load_body
 from garment_sim_ros.body.rig import Rig
 from garment_sim_ros.body.skinning import skin_vertices
@@ -17,7 +18,7 @@ from garment_sim_ros.garment.generators import long_skirt, short_skirt, tshirt
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology, non_manifold_edges
-from garment_sim_ros.geometry.transforms import transform_from
+from garment_sim_ros.geometry.transforms import invert_transform, transform_from
 
 MAKERS = {"short_skirt": short_skirt, "long_skirt": long_skirt, "tshirt": tshirt}
 
@@ -117,12 +118,30 @@ def test_pins(name):
         assert height.min() > measures.shoulders
         y = np.sort(garment.vertices[garment.pins, 1])
         assert y[: len(y) // 2].max() < 0.0 < y[len(y) // 2 :].min()
-        assert garment.frames[garment.pin_frame[0]] == body().humanoid["chest"]
+        assert garment.frames[garment.pin_frame[0]] == body().humanoid["upperChest"]
     else:
         assert height == pytest.approx(measures.waist)
         assert garment.frames[garment.pin_frame[0]] in {
             body().humanoid[bone] for bone in ("hips", "spine")
         }
+
+
+@pytest.mark.parametrize("bone", ["spine", "chest", "upperChest"])
+@pytest.mark.parametrize("degrees", [-15.0, 15.0])
+def test_shoulder_pins_stay_over_the_skin_as_the_trunk_bends(bone, degrees):
+    garment, wearer = made("tshirt"), body()
+    joint = wearer.rig.index(wearer.humanoid[bone])
+    T_local = wearer.rig.T_parent_joint.copy()
+    T_local[joint, :3, :3] @= Rotation.from_euler("y", degrees, degrees=True).as_matrix()
+    T = world_from_local(wearer.rig, T_local)
+    skin = MeshDistance(skin_vertices(wearer.skin, T), wearer.skin.triangles)
+    frames = [wearer.rig.index(name) for name in garment.frames]
+    rigid = T[frames] @ invert_transform(garment.T_world_frame_rest)
+    x = np.column_stack([garment.vertices[garment.pins], np.ones(len(garment.pins))])
+    pins = np.einsum("pij,pj->pi", rigid[garment.pin_frame], x)[:, :3]
+    assert skin.signed_distance(pins)[0] == pytest.approx(
+        gaps(garment, wearer)[garment.pins], abs=4e-3
+    )
 
 
 @pytest.mark.parametrize("name", MAKERS)

@@ -236,8 +236,8 @@ class TestClothStepper:
         assert stepper.time == 50 * STEP
         assert stepper.skipped == 45 * STEP
         assert stepper.resets == 0
-        # The garments are carried to where the last steps begin.
-        expected = [(k / 1000, (k + 1) / 1000) for k in range(45, 50)]
+        # The garments are carried along between the steps, not all the way at once.
+        expected = [((k - 1) / 1000, k / 1000) for k in (10, 20, 30, 40, 50)]
         np.testing.assert_allclose(stepper.moves, expected, atol=1e-12)
 
     def test_without_a_limit_nothing_is_passed_over(self, make):

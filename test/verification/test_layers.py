@@ -49,6 +49,17 @@ def test_a_sheet_lies_on_the_one_below_also_from_under_it(cloth, height):
     assert simulation.health("over").rms_speed < 0.02
 
 
+def test_what_is_put_on_over_it_does_not_displace_the_lower_sheet(cloth):
+    """It takes no steps meanwhile that would pull it back: pushes must not add up."""
+    still = ColliderPoses.identity(1)
+    found = []
+    for height in (-0.01, 5.0):
+        simulation = two_sheets(cloth, height, (0, 1))
+        simulation.reset(still)
+        found.append(simulation.positions("under").copy())
+    np.testing.assert_array_equal(*found)
+
+
 def test_equal_layers_do_not_meet(cloth):
     simulation = two_sheets(cloth, 0.02, (0, 0))
     still = ColliderPoses.identity(1)

@@ -43,7 +43,7 @@ def test_makehuman_base_mesh(data_file):
     assert mesh.is_watertight
     assert len(body.rig) == 163
     assert (body.skin.weight > 0).sum(axis=1).max() == 9
-    assert len(major_bones(body)) == 17
+    assert len(major_bones(body)) == 18
     assert any("0.954..1.063" in note for note in body.notes)
     # The same rig as in the glTF file made from it, on another shape.
     other = load_body(data_file("bodies", "mh_female_young.glb"))
