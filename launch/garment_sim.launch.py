@@ -9,7 +9,7 @@ from pathlib import Path
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, OrSubstitution
+from launch.substitutions import LaunchConfiguration, NotEqualsSubstitution, OrSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
@@ -20,7 +20,10 @@ CONFIG = Path(__file__).resolve().parents[1] / "config"
 ARGUMENTS = {
     "namespace": ("", "Namespace of the avatar: one each."),
     "body": ("mannequin", "Body file of the avatar, or 'mannequin'."),
-    "clip": ("walk", "BVH file or rosbag2, or 'walk'."),
+    "clip": (
+        "walk",
+        "BVH file or rosbag2, or 'walk'; empty: no player, joint_states come from elsewhere.",
+    ),
     "outfit": ("", "Outfit file; empty: a T-shirt and a short skirt."),
     "use_sim_time": ("false", "Follow /clock."),
     "publish_clock": ("false", "The player is the clock that the other nodes follow."),
@@ -41,7 +44,9 @@ def flag(*names: str) -> ParameterValue:
     return ParameterValue(either, value_type=bool)
 
 
-def node(executable: str, **parameters: ParameterValue) -> Node:
+def node(
+    executable: str, condition: IfCondition | None = None, **parameters: ParameterValue
+) -> Node:
     """One of this package's nodes, with its file of parameters and what differs from it."""
     return Node(
         package="garment_sim_ros",
@@ -49,12 +54,16 @@ def node(executable: str, **parameters: ParameterValue) -> Node:
         name=executable,
         namespace=LaunchConfiguration("namespace"),
         output="screen",
+        condition=condition,
         parameters=[str(CONFIG / f"{executable}.yaml"), parameters],
     )
 
 
 def joint_frames(context: LaunchContext) -> list[Node]:
     """robot_state_publisher with the URDF that the player publishes, where it is installed."""
+    clip = LaunchConfiguration("clip").perform(context)
+    if not clip:
+        return []
     try:
         get_package_prefix("robot_state_publisher")
     except PackageNotFoundError:
@@ -62,7 +71,7 @@ def joint_frames(context: LaunchContext) -> list[Node]:
     from garment_sim_ros.mocap.clips import load_clip
     from garment_sim_ros.mocap.source_urdf import urdf_from_clip
 
-    urdf = urdf_from_clip(load_clip(LaunchConfiguration("clip").perform(context)))
+    urdf = urdf_from_clip(load_clip(clip))
     return [
         Node(
             package="robot_state_publisher",
@@ -90,6 +99,7 @@ def generate_launch_description() -> LaunchDescription:
             ),
             node(
                 "mocap_player",
+                IfCondition(NotEqualsSubstitution(LaunchConfiguration("clip"), "")),
                 clip=text("clip"),
                 use_sim_time=flag("use_sim_time"),
                 publish_clock=flag("publish_clock"),

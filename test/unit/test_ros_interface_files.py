@@ -53,6 +53,12 @@ def test_launch_file_starts_the_nodes_with_its_arguments(tmp_path):
         known = {"use_sim_time"}.union(*(params.declarations(g) for g in GROUPS[node]))
         assert known.issuperset(names)
         assert "use_sim_time" in names
+    conditional = {
+        call.args[0].value
+        for call in ast.walk(tree)
+        if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "node" and call.args[1:]
+    }
+    assert conditional == {"mocap_player"}  # with an empty clip others send joint states
 
 
 # Name: message type, depth, transient local, reliable for publishers, reliable for subscribers.
