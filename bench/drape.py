@@ -66,9 +66,9 @@ def cloth(pins: tuple[int, ...] = ()) -> Garment:
 class Unit:
     """F: three C sweeps over all springs of the cloth."""
 
-    def __init__(self, simulation: Simulation, folder: str) -> None:
-        springs = simulation.model("cloth").springs
-        self.x = simulation.state("cloth").x.copy()
+    def __init__(self, simulation: Simulation, folder: str, name: str = "cloth") -> None:
+        springs = simulation.model(name).springs
+        self.x = simulation.state(name).x.copy()
         self.arrays = (self.x, springs.particles, springs.rest_length, springs.share)
         self.count = len(springs)
         self.library = compiled(folder)
