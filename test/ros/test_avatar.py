@@ -6,6 +6,8 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 
@@ -51,5 +53,40 @@ def test_a_walk_in_simulated_time(start_node, make_probe, tmp_path):
     for number, node in zip((signal.SIGINT, signal.SIGTERM, signal.SIGINT), nodes):
         node.send(number)
     for node in nodes:
+        assert node.wait() == 0
+        assert "Traceback" not in node.output
+
+
+def test_each_node_can_be_cleaned_up_and_set_up_again(start_node, make_probe, tmp_path):
+    namespace = "/avatar_by_hand"
+    outfit = tmp_path / "outfit.yaml"
+    outfit.write_text(OUTFIT)
+    options = {"collider_node": {"method": "capsules"}, "cloth_node": {"outfit": str(outfit)}}
+    names = ("cloth_node", "collider_node", "mocap_player")
+    nodes = [
+        start_node(name, namespace, autostart=False, **options.get(name, {})) for name in names
+    ]
+    probe = make_probe(namespace)
+    points = probe.listen(GARMENT_POINTS, "skirt", raw=True)
+
+    def change(name, *transitions):
+        for transition in transitions:
+            request = ChangeState.Request(transition=Transition(id=transition))
+            assert probe.call(ChangeState, f"{name}/change_state", request).success
+
+    up = Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE
+    down = Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP
+    for name in names:
+        change(name, *up)
+    probe.next(points, 5)
+    for name in names:
+        change(name, *down, *up)
+        probe.next(points, 5)
+    change("cloth_node", *down)
+    count = len(probe.received(points))
+    change("cloth_node", Transition.TRANSITION_CONFIGURE)  # configured, it is silent
+    assert len(probe.received(points)) == count
+    for node in nodes:
+        node.send(signal.SIGTERM)
         assert node.wait() == 0
         assert "Traceback" not in node.output
