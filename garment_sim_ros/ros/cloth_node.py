@@ -27,6 +27,7 @@ from garment_sim_ros.ros.lifecycle import ManagedNode, run
 from garment_sim_ros.ros.parameters import NodeParameters
 from garment_sim_ros.ros.progress import reporting
 from garment_sim_ros.ros.ticker import SECOND
+from garment_sim_ros.sim.account import account, in_words
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.sim.warm_up import warm_up
@@ -173,24 +174,14 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             time_jump=p.time_jump,
         )
         self._qualities = [GarmentQuality(name, simulation) for name in simulation.names]
-        kinds = [c.kind for c in simulation.collider_set.colliders if c.kind != "frame"]
-        colliders = ", ".join(f"{kinds.count(kind)} {kind}" for kind in sorted(set(kinds)))
-        layered = len({g.layer for g in dressed.garments}) > 1
-        self.get_logger().info(
-            f"{p.solver} models stretch, shear, bending, gravity, wind, and contact with friction "
-            f"on {colliders} colliders{' and between layers' if layered else ''}; not cloth "
-            f"against itself{'' if layered else ' or other garments: all are in one layer'}"
-        )
+        for line in in_words(account(simulation)):
+            self.get_logger().info(line)
         for number, garment in enumerate(dressed.garments):
             if garment.name not in self._topics:
                 self._topics[garment.name] = GarmentPublishers(
                     self, garment.name, frame_id=p.frame_id, normals=p.normals
                 )
             self._topics[garment.name].show(garment, number)
-            self.get_logger().info(
-                f"{garment.name}: {len(garment.vertices)} vertices, {len(garment.pins)} pinned; "
-                f"solver {p.solver}, steps of {1e3 * p.solver_step:.2f} ms"
-            )
         for note in dressed.notes:
             self.get_logger().info(note)
 

@@ -56,6 +56,7 @@ class Simulation:
     origin that follows the body, see `state`.
 
     Attributes:
+        solver: Name of the solver.
         time: Time simulated since the last `reset` [s]; gusts depend on it.
 
     Args:
@@ -89,6 +90,7 @@ class Simulation:
         if len(set(names)) != len(names):
             raise GeometryError(f"garment names must be unique; found {', '.join(names)}")
         self.collider_set = colliders
+        self.solver = solver
         self.solver_step = solver_step
         self._solver = SOLVERS[solver]
         self._motion = ColliderMotion(colliders)
@@ -167,6 +169,14 @@ class Simulation:
     def state(self, name: str) -> State:
         """Motion of a garment, in the order of its model and relative to `origin`."""
         return self._worn[name].state
+
+    def sides(self, name: str) -> Sides:
+        """On which side of a garment's free particles the shapes are."""
+        return self._worn[name].workspace.sides
+
+    def layer(self, name: str) -> int:
+        """The layer that a garment is worn in."""
+        return self._worn[name].garment.layer
 
     def health(self, name: str) -> Health:
         """Counts and readings of a garment."""
