@@ -19,12 +19,15 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders import load_body
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.body.skinning import skin_vertices
-from garment_sim_ros.colliders.ellipsoid_binding import EllipsoidBinding, distance_outside
+from garment_sim_ros.colliders.ellipsoid_binding import ellipsoid_colliders, fit_ellipsoids
 from garment_sim_ros.colliders.ellipsoids import ellipsoids_around
+from garment_sim_ros.colliders.motion_report import motion_report
+from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.segmentation import segment
 from garment_sim_ros.geometry.earliest_hit import (
     collide_earliest,
@@ -35,8 +38,12 @@ from garment_sim_ros.geometry.earliest_hit import (
 from garment_sim_ros.geometry.ellipsoid_poses import PosedEllipsoids
 from garment_sim_ros.geometry.locality import spatial_order
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.shapes import ColliderSet
+from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import sample
+from garment_sim_ros.params import EllipsoidSettings
+from garment_sim_ros.sim.state import ColliderState
 
 TABLE_2 = (
     # name, body, ellipsoids, printed: ref. [19], segmentation, fit [s]
@@ -74,16 +81,17 @@ def table_2(data: Path, rounds: int) -> list[dict[str, object]]:
         body = load_body(path)
         # Thresholds below reach: the count decides, and how torso and limbs share it.
         options = {"max_ellipsoids": count, "mu_torso": 1.5e-4, "mu_limb": 1e-4}
-        options |= {"cover": "vertices"}
+        ours = EllipsoidSettings(segmentation="surface", **options)
+        theirs = EllipsoidSettings(segmentation="none", **options)
         segmentation = median_ms(rounds, lambda b=body: segment(b.skin.vertices, b.skin.triangles))
         both = median_ms(
             rounds,
-            lambda b=body, o=options: ellipsoids_around(b, segmentation="surface", **o),
+            lambda b=body, o=ours: ellipsoids_around(b, o, cover="vertices"),
         )
         begin = time.thread_time()
-        without = ellipsoids_around(body, segmentation="none", **options)
+        without = ellipsoids_around(body, theirs, cover="vertices")
         baseline = 1e3 * (time.thread_time() - begin)
-        with_ = ellipsoids_around(body, segmentation="surface", **options)
+        with_ = ellipsoids_around(body, ours, cover="vertices")
         rows.append(
             {
                 "model": name,
@@ -102,13 +110,21 @@ def table_2(data: Path, rounds: int) -> list[dict[str, object]]:
     return rows
 
 
+def posed(colliders: ColliderSet, body: Body, T_world_joint: np.ndarray) -> PosedEllipsoids:
+    """Ellipsoids in a pose, 2 mm larger, as they were in the bind pose."""
+    poses = ColliderPoser(colliders, body).poses(T_world_joint)
+    mine = [i for i, c in enumerate(colliders.colliders) if c.kind == "ellipsoid"]
+    radii = np.array([colliders.colliders[i].geometry["radii"] for i in mine])
+    axes = matrix_from_quaternion(poses.orientation[mine])
+    return PosedEllipsoids(poses.position[mine], axes, radii + 0.002)
+
+
 class Walk:
     """A walking mannequin with its ellipsoids at the two ends of one step."""
 
     def __init__(self, vertices: int, count: int) -> None:
         self.body = load_body(f"mannequin:vertices={vertices}")
-        self.fit = ellipsoids_around(self.body, max_ellipsoids=count)
-        self.binding = EllipsoidBinding(self.fit, self.body)
+        self.colliders, _ = fit_ellipsoids(self.body, EllipsoidSettings(max_ellipsoids=count))
         self.clip = load_clip("walk")
         self.retarget = Retargeter(
             self.clip.rig,
@@ -118,8 +134,7 @@ class Walk:
         )
         T0, T1 = self.joints(0.3), self.joints(0.3 + DT)
         self.x0, self.x1 = self.skin(T0), self.skin(T1)
-        self.start = self.binding.static(T0).inflated(0.002)
-        self.end = self.binding.static(T1).inflated(0.002)
+        self.start, self.end = (posed(self.colliders, self.body, T) for T in (T0, T1))
 
     def joints(self, t: float) -> np.ndarray:
         """World transforms of the joints."""
@@ -235,13 +250,9 @@ def figures(rounds: int) -> dict[str, object]:
                 T_bone_bind=walk.body.skin.T_bone_bind,
             ),
         )
-        fit = ellipsoids_around(fine, max_ellipsoids=60, segmentation="surface")
-        walk.start = PosedEllipsoids(
-            np.stack([e.centre for e in fit.ellipsoids]),
-            np.stack([e.axes for e in fit.ellipsoids]),
-            np.stack([e.radii for e in fit.ellipsoids]),
-        ).inflated(0.002)
-        walk.end = walk.start
+        fit = ellipsoids_around(fine, EllipsoidSettings(max_ellipsoids=60, segmentation="surface"))
+        shapes = ColliderSet(colliders=tuple(ellipsoid_colliders(fine, fit, 0.0)))
+        walk.start = walk.end = posed(shapes, fine, rest_transforms(fine.rig))
         a, b = walk.cloth(3190)
         collision = Collision(walk, a, b)
         exact = exact_ms(skin, triangles, b, rounds)
@@ -261,24 +272,19 @@ def figures(rounds: int) -> dict[str, object]:
         ours = Collision(walk, a, b).ms(rounds)
         exact = exact_ms(walk.x0, walk.body.skin.triangles, b, rounds)
         fig_12.append([count, round(ours, 4), round(exact, 3), round(exact / ours, 1)])
-    outside: dict[str, list[np.ndarray]] = {"static": [], "refitted": []}
-    for t in np.linspace(0.0, walk.clip.times[-1], 12):
-        T = walk.joints(float(t))
-        for kind, into in outside.items():
-            posed = getattr(walk.binding, kind)(T)
-            into.append(distance_outside(posed, walk.skin(T)))
+    poses = [walk.joints(float(t)) for t in np.linspace(0.0, walk.clip.times[-1], 30)]
+    state = ColliderState.of(walk.colliders)
+    state.end = ColliderPoser(walk.colliders, walk.body).poses(poses[7])
+    pair = [(state.refit, state.end, state.origin, state.shapes, state.posed)]
+    refit = median_ms(40 * rounds, lambda: [r.pose(*rest) for r, *rest in pair])
     return {
         "step_ms_3190_particles_60_ellipsoids": round(step, 4),
         "step_contacts": contacts,
         "fig_11_body_vertices_ellipsoids_ms_mesh_ms_contacts": fig_11,
         "fig_12_particles_ellipsoids_ms_mesh_ms_ratio": fig_12,
-        "walk_outside_mm_mean_max": {
-            kind: [
-                round(1e3 * float(np.concatenate(v).mean()), 4),
-                round(1e3 * float(np.concatenate(v).max()), 2),
-            ]
-            for kind, v in outside.items()
-        },
+        "refitted_ellipsoids": len(state.refit),
+        "refit_ms": round(refit, 4),
+        "walk": motion_report(walk.body, walk.colliders, poses),
     }
 
 

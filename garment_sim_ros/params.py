@@ -171,7 +171,7 @@ class MocapPlayerParameters:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class HullSettings:
-    """How to fit hulls; other methods take `delta` only."""
+    """How to fit hulls; other methods take `delta` of these."""
 
     delta: float = parameter(
         0.003, "Inflation of all shapes.", unit="m", minimum=0.0, maximum=0.05
@@ -213,6 +213,42 @@ class HullSettings:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class EllipsoidSettings:
+    """How to fit ellipsoids."""
+
+    mu_torso: float = parameter(
+        0.018,
+        "Fit error above which an ellipsoid of the torso is split.",
+        unit="m",
+        minimum=1e-6,
+        maximum=1.0,
+    )
+    mu_limb: float = parameter(
+        0.012, "The same of head, arms and legs.", unit="m", minimum=1e-6, maximum=1.0
+    )
+    mu: str = parameter(
+        "", "The same of single regions: REGION=M, several apart by spaces, as left_thigh=0.03."
+    )
+    sigma: float = parameter(
+        1e-3,
+        "K-means stops where its centres move by no more than this.",
+        unit="m",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    max_ellipsoids: int = parameter(
+        90, "Most ellipsoids; those that fit worst are split first.", minimum=15, maximum=1000
+    )
+    segmentation: str = parameter(
+        "auto",
+        "Regions by the rig's joints where it has them, by the rig, by the surface alone, by the "
+        "paper's constants, or the body as a whole.",
+        choices=("auto", "rig", "surface", "table1", "none"),
+    )
+    refit: bool = parameter(True, "Ellipsoids at joints are fitted again in every pose.")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class _ColliderKind:
     """The first of `ColliderOptions`."""
 
@@ -227,7 +263,7 @@ class _ColliderKind:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class ColliderOptions(HullSettings, _ColliderKind):
+class ColliderOptions(EllipsoidSettings, HullSettings, _ColliderKind):
     """Which colliders a body gets."""
 
 

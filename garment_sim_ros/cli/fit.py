@@ -10,33 +10,34 @@ import numpy as np
 from PIL import Image
 
 from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.colliders.capsules import fit_capsules, fit_spheres
 from garment_sim_ros.colliders.description import save_colliders
-from garment_sim_ros.colliders.ellipsoids import (
-    MU_LIMB,
-    MU_TORSO,
-    SEGMENTATIONS,
-    fit_ellipsoids,
-    segment_body,
-)
+from garment_sim_ros.colliders.ellipsoid_binding import fit_ellipsoids
+from garment_sim_ros.colliders.ellipsoids import segment_body
 from garment_sim_ros.colliders.fit_report import fit_report
 from garment_sim_ros.colliders.hull_report import hull_report
 from garment_sim_ros.colliders.hulls import fit_hulls
 from garment_sim_ros.colliders.mixed import fit_mixed
+from garment_sim_ros.colliders.motion_report import motion_report
 from garment_sim_ros.colliders.posing import ColliderPoser
-from garment_sim_ros.colliders.segmentation import REGIONS
 from garment_sim_ros.colliders.surfaces import surface
-from garment_sim_ros.errors import ParameterError
+from garment_sim_ros.colliders.thresholds import REGIONS
+from garment_sim_ros.declaration import Declaration
 from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
-from garment_sim_ros.params import HullSettings, declarations, validated
+from garment_sim_ros.mocap.clips import load_clip
+from garment_sim_ros.mocap.sampling import sample
+from garment_sim_ros.params import EllipsoidSettings, HullSettings, declarations, validated
 from garment_sim_ros.tradeoff.render import Camera, Surface, render
 
 EXAMPLE = "garment-sim fit avatar.glb --out colliders.json --preview colliders.png"
 
 _FRONT, _SIDE, _BACK = (2.5, 0.8, 0.2), (0.3, 2.6, 0.2), (-2.5, 0.8, 0.2)
+
+_CLIP_POSES = 30
 
 METHODS = ("capsule", "sphere", "ellipsoid", "hull", "auto")
 
@@ -50,40 +51,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="hull",
         help="kind of collider; auto: for each part the tightest at equal run-time cost",
     )
-    group = parser.add_argument_group("of the methods hull and auto")
-    for name, declared in declarations(HullSettings).items():
-        group.add_argument(
-            f"--{name.replace('_', '-')}",
-            type=declared.type,
-            choices=declared.choices or None,
-            default=declared.default,
-            help=f"{declared.text} {declared.allowed}; default {declared.default}",
-        )
-    group = parser.add_argument_group("of the method ellipsoid")
-    number: dict[str, Any] = {"metavar": "M", "type": float}
-    group.add_argument(
-        "--mu-torso", default=MU_TORSO, help="fit error that splits, torso [m]", **number
-    )
-    group.add_argument(
-        "--mu-limb", default=MU_LIMB, help="fit error that splits, head, arms, legs [m]", **number
-    )
-    group.add_argument(
-        "--mu", metavar="REGION=M", action="append", default=[], help="the same of one region"
-    )
-    group.add_argument("--sigma", default=1e-3, help="where k-means stops [m]", **number)
-    group.add_argument("--max-ellipsoids", metavar="N", type=int, default=90, help="at most")
-    group.add_argument(
-        "--segmentation",
-        choices=SEGMENTATIONS,
-        default="auto",
-        help="by the rig's joints where it has them, by the rig, by the surface alone, by the "
-        "paper's constants, or the body as a whole",
-    )
+    for title, settings in (
+        ("of the methods hull and auto", HullSettings),
+        ("of the method ellipsoid", EllipsoidSettings),
+    ):
+        group = parser.add_argument_group(title)
+        for name, declared in declarations(settings).items():
+            _add(group, f"--{name.replace('_', '-')}", declared)
     parser.add_argument("--out", metavar="F.json", type=Path, required=True, help="result")
+    parser.add_argument(
+        "--clip",
+        metavar="F",
+        help="also report how far the skin leaves the colliders over a clip (BVH, rosbag2, walk)",
+    )
     group.add_argument(
         "--preview-regions", metavar="F.png", type=Path, help="picture of the segmentation"
     )
     parser.add_argument("--preview", metavar="F.png", type=Path, help="picture of skin and fit")
+
+
+def _add(group: argparse._ArgumentGroup, flag: str, declared: Declaration) -> None:
+    """One option of a parameter group."""
+    text = f"{declared.text} {declared.allowed}; default {declared.default}".replace("%", "%%")
+    if declared.type is bool:
+        action = argparse.BooleanOptionalAction
+        group.add_argument(flag, action=action, default=declared.default, help=text)
+    elif flag == "--mu":
+        group.add_argument(flag, metavar="REGION=M", action="append", default=[], help=text)
+    else:
+        group.add_argument(
+            flag,
+            type=declared.type,
+            choices=declared.choices or None,
+            default=declared.default,
+            help=text,
+        )
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
@@ -93,6 +95,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     for note in body.notes:
         print(f"assumed: {note}")
     report = {**fit_report(body, colliders), "assumed": list(body.notes), **told}
+    if args.clip:
+        report["motion"] = _over_clip(body, colliders, args.clip)
     with staged(args.out.parent) as stage:
         save_colliders(stage / args.out.name, colliders)
         text = json.dumps(report, indent=2) + "\n"
@@ -139,25 +143,33 @@ def _fit(body: Body, args: argparse.Namespace) -> tuple[ColliderSet, dict[str, A
         return mixed, {"auto": report}
     if args.method != "ellipsoid":
         return {"capsule": fit_capsules, "sphere": fit_spheres}[args.method](body), {}
-    mu_regions = {}
-    for text in args.mu:
-        region, _, value = text.partition("=")
-        try:
-            mu_regions[region] = float(value)
-        except ValueError:
-            raise ParameterError("--mu", f"found {text!r}", "allowed: REGION=M") from None
-    colliders, report = fit_ellipsoids(
-        body,
-        mu_torso=args.mu_torso,
-        mu_limb=args.mu_limb,
-        mu_regions=mu_regions,
-        sigma=args.sigma,
-        max_ellipsoids=args.max_ellipsoids,
-        segmentation=args.segmentation,
-    )
+    values = {name: getattr(args, name) for name in declarations(EllipsoidSettings)}
+    ellipsoids = validated(EllipsoidSettings, values | {"mu": " ".join(args.mu)})
+    colliders, report = fit_ellipsoids(body, ellipsoids)
     for note in report.get("segmentation", {}).get("assumed", ()):
         print(f"assumed: {note}")
     return colliders, {"ellipsoid_fit": report}
+
+
+def _over_clip(body: Body, colliders: ColliderSet, source: str) -> dict[str, Any]:
+    """What `motion_report` says about a clip."""
+    clip = load_clip(source)
+    retargeter = Retargeter(
+        clip.rig, body, T_world_source=clip.T_world_file, reference=clip.source_reference
+    )
+    times = np.linspace(clip.times[0], clip.times[-1], _CLIP_POSES)
+    poses = [retargeter.world_joints(sample(clip, float(t))).copy() for t in times]
+    report = {"clip": source, **motion_report(body, colliders, poses)}
+    for name, figures in (
+        ("over the clip", report),
+        ("  without refitting", report.get("static")),
+    ):
+        if figures:
+            print(
+                f"{name}: skin outside by {figures['outside_mm_mean']:.4f} mm on average, "
+                f"at most {figures['outside_mm_max']:.1f} mm"
+            )
+    return report
 
 
 def _draw_regions(body: Body, segmentation: str, path: Path) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.errors import GeometryError, InputFileError, MessageError
+from garment_sim_ros.geometry.ellipsoid_refit import REFIT_KEYS, refit_entries
 from garment_sim_ros.geometry.shapes import KINDS, Collider, ColliderSet
 
 VERSION = 1
@@ -79,6 +80,7 @@ def from_json(text: str) -> ColliderSet:
             thickness=_number(top["thickness"], "thickness", 0.0, 1.0),
             frame_id=_name(top["frame_id"], "frame_id"),
         )
+        refit_entries(colliders)
     except GeometryError as error:
         raise MessageError(_REASON, str(error)) from None
     if top["revision"] != colliders.revision:
@@ -200,6 +202,8 @@ def _geometry(kind: str, geometry: dict[str, Any], what: str) -> Mapping[str, ob
     }
     if kind in simple:
         optional = {"share"} & set(geometry) if kind in ("sphere", "hull") else set()
+        if kind == "ellipsoid" and "points" in geometry:
+            optional = set(REFIT_KEYS)
         _object(geometry, simple[kind] | optional, f"{what} geometry")
     shared: dict[str, object] = {}
     if "share" in geometry and kind in simple:
@@ -219,7 +223,8 @@ def _geometry(kind: str, geometry: dict[str, Any], what: str) -> Mapping[str, ob
         radii = _vector(geometry["radii"], f"{what} radii", 3)
         if radii.min() <= 0.0:
             raise MessageError(_REASON, f"{what} radii must be positive")
-        return {"radii": radii}
+        refit = {k: _array(geometry[k], f"{what} {k}") for k in REFIT_KEYS if k in geometry}
+        return {"radii": radii, **refit}
     if kind == "hull":
         vertices = _array(geometry["vertices"], f"{what} vertices").astype(np.float64)
         faces = _array(geometry["faces"], f"{what} faces")

@@ -1,4 +1,4 @@
-"""Ellipsoid colliders for a body: segmentation, then refinement (Gong et al., 2 and 3).
+"""Ellipsoids around a body: segmentation, then refinement (Gong et al., 2 and 3).
 
 Also the same without segmentation, as in their ref. [19] (Tang Y. et al. 2013, adaptive
 ellipsoids), for comparison and for bodies that are no humans.
@@ -11,34 +11,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
-from garment_sim_ros.colliders.capsules import frame_colliders
 from garment_sim_ros.colliders.pruned_kmeans import Clustering, refine
-from garment_sim_ros.colliders.regions import bone_weights
 from garment_sim_ros.colliders.segmentation import (
-    REGIONS,
-    TORSO,
     Segmentation,
     rig_joints,
     segment,
 )
+from garment_sim_ros.colliders.thresholds import REGIONS, TORSO, region_thresholds
 from garment_sim_ros.errors import ParameterError
-from garment_sim_ros.geometry.ellipsoid_poses import PosedEllipsoids
 from garment_sim_ros.geometry.mvee import Ellipsoid, mvee
-from garment_sim_ros.geometry.shapes import Collider, ColliderSet
-from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
+from garment_sim_ros.params import EllipsoidSettings, declarations, validated
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 PARTS = ("torso", *REGIONS[:9])
 """Parts of a body that are refined one by one: the torso's six regions together."""
-SEGMENTATIONS = ("auto", "rig", "surface", "table1", "none")
+SEGMENTATIONS = declarations(EllipsoidSettings)["segmentation"].choices
 COVERS = ("triangles", "vertices")
-MU_TORSO, MU_LIMB = 0.018, 0.012
-"""Default thresholds of the fit error [m]."""
-MOST = 1000
 _ALWAYS = 1e-9
 """A threshold that every fit error exceeds [m]."""
 
@@ -68,14 +59,6 @@ class EllipsoidFit:
         """Equation (6) over all vertices [m]."""
         return float(self.error[self.label].mean())
 
-    def posed(self) -> PosedEllipsoids:
-        """The ellipsoids where they were fitted, in the bind pose."""
-        return PosedEllipsoids(
-            np.stack([e.centre for e in self.ellipsoids]),
-            np.stack([e.axes for e in self.ellipsoids]),
-            np.stack([e.radii for e in self.ellipsoids]),
-        )
-
     def report(self) -> dict[str, Any]:
         """Counts and errors, whole and by region, and what the segmentation assumed."""
         count = {name: self.region.count(name) for name in dict.fromkeys(self.region)}
@@ -100,63 +83,10 @@ class EllipsoidFit:
         return result
 
 
-def fit_ellipsoids(
-    body: Body, *, delta: float = 0.0, thickness: float = 0.002, **options: Any
-) -> tuple[ColliderSet, dict[str, Any]]:
-    """Ellipsoid colliders bound to the major bones, then one frame per major bone.
-
-    Args:
-        body: Rig and skin.
-        delta: Inflation of all shapes [m].
-        thickness: Distance that cloth keeps on top [m].
-        **options: See `ellipsoids_around`.
-
-    Returns:
-        The set, and `EllipsoidFit.report`.
-
-    Raises:
-        GeometryError: The body cannot be segmented.
-        ParameterError: An option is out of range.
-    """
-    for name, value in (("delta", delta), ("thickness", thickness)):
-        if not 0.0 <= value < np.inf:
-            raise ParameterError(name, f"found {value!r}", "allowed: 0 m or more")
-    fit = ellipsoids_around(body, **options)
-    shapes = ellipsoid_colliders(body, fit, delta)
-    frames = frame_colliders(major_bones(body))
-    return ColliderSet(colliders=(*shapes, *frames), thickness=thickness), fit.report()
-
-
-def ellipsoid_colliders(body: Body, fit: EllipsoidFit, delta: float) -> list[Collider]:
-    """Ellipsoids on the major bones that carry most of their skin, inflated by `delta` [m]."""
-    bones = major_bones(body)
-    weights = bone_weights(body.skin, bones)
-    colliders = []
-    for i, (e, members) in enumerate(zip(fit.ellipsoids, fit.members)):
-        m = int(weights[members].sum(axis=0).argmax())
-        T_bone_bind = body.skin.T_bone_bind[bones.joint[m]]
-        colliders.append(
-            Collider(
-                name=f"{fit.region[i]}_{i}",
-                kind="ellipsoid",
-                bone=bones.names[m],
-                position=transform_points(T_bone_bind, e.centre[None])[0],
-                orientation=quaternion_from_matrix(T_bone_bind[:3, :3] @ e.axes),
-                geometry={"radii": e.radii + delta},
-            )
-        )
-    return colliders
-
-
 def ellipsoids_around(
     body: Body,
+    settings: EllipsoidSettings | None = None,
     *,
-    mu_torso: float = MU_TORSO,
-    mu_limb: float = MU_LIMB,
-    mu_regions: Mapping[str, float] | None = None,
-    sigma: float = 1e-3,
-    max_ellipsoids: int = 90,
-    segmentation: str = "auto",
     sex: str = "female",
     cover: str = "triangles",
     counts: Mapping[str, int] | None = None,
@@ -165,16 +95,9 @@ def ellipsoids_around(
 
     Args:
         body: Rig and skin.
-        mu_torso: Fit error above which an ellipsoid of the torso is split [m].
-        mu_limb: The same of head, arms and legs.
-        mu_regions: The same of single regions, by their name in `REGIONS`; the torso's six share
-            the smallest that is given.
-        sigma: Where k-means stops [m].
-        max_ellipsoids: Most ellipsoids, at least 15; the worst in relation to their thresholds are
-            split first.
-        segmentation: ``auto``: by the joints of the rig where it has them; ``rig``; ``surface``:
-            by the surface alone; ``table1``: the paper's constants; ``none``: the body as a whole,
-            by plain k-means.
+        settings: Thresholds and more. The torso's six regions share the smallest of theirs; at
+            most as many ellipsoids are made as it says, the worst in relation to their thresholds
+            being split first.
         sex: For the paper's constants.
         cover: ``triangles``: every triangle is inside one ellipsoid, and so is the whole skin
             inside their union; ``vertices``, as in the paper.
@@ -185,36 +108,23 @@ def ellipsoids_around(
         GeometryError: The body cannot be segmented.
         ParameterError: An option is out of range.
     """
-    thresholds = {name: mu_torso if i in TORSO else mu_limb for i, name in enumerate(REGIONS)}
-    for name in mu_regions or {}:
-        if name not in thresholds:
-            raise ParameterError("mu_regions", f"region {name!r}", f"allowed: {REGIONS}")
-    thresholds.update(mu_regions or {})
-    for option, value in (("mu_torso", mu_torso), ("mu_limb", mu_limb), *thresholds.items()):
-        if not 1e-6 <= value < np.inf:
-            raise ParameterError(option, f"found {value!r}", "allowed: 1e-6 m or more")
-    if not 0.0 <= sigma < np.inf:
-        raise ParameterError("sigma", f"found {sigma!r}", "allowed: 0 m or more")
-    if not len(REGIONS) <= max_ellipsoids <= MOST:
-        raise ParameterError(
-            "max_ellipsoids", f"found {max_ellipsoids!r}", f"allowed: {len(REGIONS)} to {MOST}"
-        )
-    if segmentation not in SEGMENTATIONS:
-        raise ParameterError(
-            "segmentation", f"found {segmentation!r}", f"allowed: {SEGMENTATIONS}"
-        )
+    s = settings or EllipsoidSettings()
+    s = validated(
+        EllipsoidSettings, {name: getattr(s, name) for name in declarations(EllipsoidSettings)}
+    )
+    thresholds = region_thresholds(s)
     if cover not in COVERS:
         raise ParameterError("cover", f"found {cover!r}", f"allowed: {COVERS}")
     x = body.skin.vertices
-    if segmentation == "none":
+    if s.segmentation == "none":
         whole = Clustering.start(x, np.zeros(len(x), np.int32), sigma=0.0, use_rule=False)
         if counts is None:
-            refine([whole], [min(mu_torso, mu_limb)], max_ellipsoids)
+            refine([whole], [min(s.mu_torso, s.mu_limb)], s.max_ellipsoids)
         else:
             refine([whole], [_ALWAYS], counts["body"])
         return _gathered(body, [(np.arange(len(x)), whole, ("body",))], None, cover)
 
-    divided = segment_body(body, segmentation, sex=sex)
+    divided = segment_body(body, s.segmentation, sex=sex)
     # Vertices at one place (seams) count once, as on the repaired surface.
     _, first = np.unique(divided.surface.vertex, return_index=True)
     region = divided.region[first]
@@ -222,10 +132,10 @@ def ellipsoids_around(
     thresholds_of_parts = []
     for group in (TORSO, *((i,) for i in range(len(REGIONS)) if i not in TORSO)):
         mine = first[np.isin(region, group)]
-        parts.append((mine, Clustering.start(x[mine], divided.region[mine], sigma=sigma), group))
+        parts.append((mine, Clustering.start(x[mine], divided.region[mine], sigma=s.sigma), group))
         thresholds_of_parts.append(min(thresholds[REGIONS[i]] for i in group))
     if counts is None:
-        refine([part for _, part, _ in parts], thresholds_of_parts, max_ellipsoids)
+        refine([part for _, part, _ in parts], thresholds_of_parts, s.max_ellipsoids)
     else:
         for name, (_, part, _) in zip(PARTS, parts):
             refine([part], [_ALWAYS], counts[name])

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from garment_sim_ros.colliders.surfaces import surface
 from garment_sim_ros.geometry.contact_distance import shape_distance
 from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
+from garment_sim_ros.geometry.ellipsoid_refit import EllipsoidRefit
 from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
@@ -39,12 +40,14 @@ class Union:
         self._poses = poses
         self._shapes = pack(colliders)
         self._posed = PosedShapes.room_for(self._shapes)
-        pose(self._shapes, poses, poses, np.zeros(3), self._posed)
+        self._refit = EllipsoidRefit(colliders, self._shapes)
+        self.move(poses)
 
     def move(self, poses: ColliderPoses) -> None:
         """Pose the shapes anew."""
         self._poses = poses
         pose(self._shapes, poses, poses, np.zeros(3), self._posed)
+        self._refit.pose(poses, np.zeros(3), self._shapes, self._posed)
 
     def distance(self, points: FloatArray, but: int = -1) -> SingleArray:
         """Least signed distance of points [n, 3] to the shapes, without shape `but`, shape [n]."""

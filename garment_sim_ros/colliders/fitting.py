@@ -10,7 +10,7 @@ def fit_colliders(body: Body, options: ColliderOptions | None = None) -> Collide
 
     Args:
         body: Rig and skin.
-        options: Method and its settings; other methods than hulls take only `delta`.
+        options: Method and its settings; capsules and spheres take only `delta`.
 
     Raises:
         GeometryError: The body cannot be fitted.
@@ -24,9 +24,9 @@ def fit_colliders(body: Body, options: ColliderOptions | None = None) -> Collide
 
         return fit_hulls(body, options, thickness=thickness).colliders
     if options.method == "ellipsoids":
-        from garment_sim_ros.colliders.ellipsoids import fit_ellipsoids
+        from garment_sim_ros.colliders.ellipsoid_binding import fit_ellipsoids
 
-        return fit_ellipsoids(body, delta=delta, thickness=thickness)[0]
+        return fit_ellipsoids(body, options, delta=delta, thickness=thickness)[0]
     from garment_sim_ros.colliders.capsules import fit_capsules, fit_spheres
 
     fit = fit_capsules if options.method == "capsules" else fit_spheres

@@ -18,19 +18,15 @@ from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.capsules import fit_capsules
-from garment_sim_ros.colliders.ellipsoids import (
-    PARTS,
-    ellipsoid_colliders,
-    ellipsoids_around,
-    segment_body,
-)
+from garment_sim_ros.colliders.ellipsoid_binding import ellipsoid_colliders
+from garment_sim_ros.colliders.ellipsoids import PARTS, ellipsoids_around, segment_body
 from garment_sim_ros.colliders.fatness import Union
 from garment_sim_ros.colliders.hulls import fit_hulls
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.regions import bone_weights, vertex_areas
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.shapes import Collider, ColliderSet
-from garment_sim_ros.params import HullSettings
+from garment_sim_ros.params import EllipsoidSettings, HullSettings
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -113,7 +109,7 @@ def fit_mixed(
     counts = {
         name: max(1, round(budget[i] / QUERY_NS["ellipsoid"])) for i, name in enumerate(names)
     }
-    fit = ellipsoids_around(body, segmentation=segmentation, counts=counts)
+    fit = ellipsoids_around(body, EllipsoidSettings(segmentation=segmentation), counts=counts)
     made = {
         "hull": _shapes(hulls),
         "ellipsoid": ellipsoid_colliders(body, fit, settings.delta),

@@ -17,22 +17,13 @@ from scipy.sparse.csgraph import connected_components
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.body_surface import BodySurface, body_surface
-from garment_sim_ros.colliders.feature_points import SIDES, FeaturePoints, feature_points
+from garment_sim_ros.colliders.feature_points import FeaturePoints, feature_points
+from garment_sim_ros.colliders.thresholds import REGIONS, SIDES, TORSO
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.geodesics import mesh_edges, mesh_graph
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
-
-REGIONS: tuple[str, ...] = (
-    "head",
-    *(f"{side}_{part}" for part in ("upper_arm", "forearm", "thigh", "calf") for side in SIDES),
-    *(f"{side}_{part}" for part in ("chest", "waist", "hip") for side in SIDES),
-)
-"""The 15 regions; hands belong to forearms, feet to calves, the neck to the head."""
-
-TORSO: tuple[int, ...] = tuple(range(9, 15))
-"""Indices of the torso's six regions."""
 
 _NEEDED = ("front", "crotch", "neck", "armpits")
 _MISSING = 2

@@ -7,13 +7,14 @@ file's own size asks for.
 import importlib.resources
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from garment_sim_ros.body.input_file import read_text
+from garment_sim_ros.colliders.thresholds import tightest
 from garment_sim_ros.errors import InputFileError, ParameterError
 from garment_sim_ros.garment.dressing import AUTOMATIC, NONE, Attachment
 from garment_sim_ros.garment.generators import GENERATORS
@@ -27,7 +28,7 @@ MAX_GARMENTS = 16
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _FILE_KEYS = ("version", "garments", "colliders")
-_GARMENT_KEYS = ("name", "generator", "options", "mesh", "material", "attachments", "layer")
+_GARMENT_KEYS = ("name", "generator", "options", "mesh", "material", "attachments", "layer", "mu")
 _MAX_LAYER = 15
 
 
@@ -55,6 +56,7 @@ class GarmentEntry:
         attachments: "auto", "none", or a list.
         layer: Garments with a higher number are worn over those with a lower one; those with the
             same do not meet.
+        mu: Thresholds of the ellipsoids that it lies on, as `EllipsoidSettings.mu`.
     """
 
     name: str
@@ -64,6 +66,7 @@ class GarmentEntry:
     material: Material
     attachments: str | tuple[Attachment, ...]
     layer: int = 0
+    mu: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +78,8 @@ class OutfitFile:
         source: Path, or name of the built-in outfit, for messages.
         text: Its YAML text.
         garments: Inner garments before outer ones.
-        colliders: What they are to lie on.
+        colliders: What they are to lie on; `mu` with the thresholds of the garments, the smallest
+            where several name a region.
     """
 
     name: str
@@ -116,13 +120,16 @@ def read_outfit(source: str | Path) -> OutfitFile:
         name, text, folder = path.stem, read_text(path, limit=MAX_FILE_BYTES), path.parent
     try:
         content = _parsed(text)
+        garments = _garments(content, folder)
+        asked = _mapping("colliders", content.get("colliders", {}))
+        colliders = validated(ColliderOptions, asked)
         return OutfitFile(
             name=name,
             source=str(source),
             text=text,
-            garments=_garments(content, folder),
-            colliders=validated(
-                ColliderOptions, _mapping("colliders", content.get("colliders", {}))
+            garments=garments,
+            colliders=replace(
+                colliders, mu=tightest([colliders.mu, *(garment.mu for garment in garments)])
             ),
         )
     except ParameterError as error:
@@ -210,6 +217,7 @@ def _garment(index: int, entry: object, folder: Path) -> GarmentEntry:
             material=material_from(values.get("material")),
             attachments=_attachments(values.get("attachments", AUTOMATIC)),
             layer=_layer(values.get("layer", 0)),
+            mu=_thresholds(values.get("mu", "")),
         )
     except ParameterError as error:
         raise ParameterError(f"{where}.{error.name}", error.problem, error.allowed) from error
@@ -221,6 +229,14 @@ def _layer(value: object) -> int:
             "layer", f"found {repr(value)[:60]}", f"allowed: a whole number, 0 to {_MAX_LAYER}"
         )
     return value
+
+
+def _thresholds(value: object) -> str:
+    if not isinstance(value, str):
+        raise ParameterError(
+            "mu", f"found {repr(value)[:60]}", "allowed: text, as left_thigh=0.03"
+        )
+    return tightest([value])
 
 
 def _attachments(value: object) -> str | tuple[Attachment, ...]:

@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.errors import MessageError
-from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
 from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.sim.state import ColliderState
@@ -31,17 +30,9 @@ class ColliderMotion:
     """
 
     def __init__(self, colliders: ColliderSet) -> None:
-        shapes = pack(colliders)
         self._set = colliders
         self._shift = np.zeros(3, np.float32)
-        self.state = ColliderState(
-            shapes=shapes,
-            start=ColliderPoses.identity(len(colliders)),
-            end=ColliderPoses.identity(len(colliders)),
-            thickness=colliders.thickness,
-            origin=np.zeros(3),
-            posed=PosedShapes.room_for(shapes),
-        )
+        self.state = ColliderState.of(colliders)
 
     def check(self, poses: ColliderPoses) -> None:
         """Whether poses can be used.
@@ -108,9 +99,4 @@ class ColliderMotion:
                 pose_at.position,
                 pose_at.orientation,
             )
-        self.pose_shapes()
-
-    def pose_shapes(self) -> None:
-        """Poses the shapes as `state` says."""
-        c = self.state
-        pose(c.shapes, c.start, c.end, c.origin, c.posed)
+        c.pose()

@@ -327,7 +327,7 @@ class Simulation:
             return
         colliders, taken = self._colliders, self._taken_out
         taken.begin_step(colliders.start, colliders.end)
-        self._motion.pose_shapes()
+        self._motion.state.pose()
         for worn in self._worn.values():
             take_along(
                 worn.state.x, worn.state.v, colliders.origin, taken.pivot, taken.turn, taken.way

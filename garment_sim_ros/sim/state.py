@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.geometry.contact import Contacts
-from garment_sim_ros.geometry.contact_shapes import PackedShapes, PosedShapes
+from garment_sim_ros.geometry.contact_shapes import PackedShapes, PosedShapes, pack, pose
 from garment_sim_ros.geometry.contact_sides import Sides
-from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.geometry.ellipsoid_refit import EllipsoidRefit
+from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.sim.earliest_contact import EarliestContact
 from garment_sim_ros.sim.model import ClothModel
 
@@ -101,6 +102,7 @@ class ColliderState:
         thickness: Distance that the set asks cloth to keep [m].
         origin: World position that particle positions are relative to [m], shape [3].
         posed: The shapes posed for this step.
+        refit: Those of them that change with the pose.
     """
 
     shapes: PackedShapes
@@ -109,3 +111,27 @@ class ColliderState:
     thickness: float
     origin: FloatArray
     posed: PosedShapes
+    refit: EllipsoidRefit
+
+    @classmethod
+    def of(cls, colliders: ColliderSet) -> "ColliderState":
+        """All that one set needs, to be posed.
+
+        Raises:
+            GeometryError: A collider that cannot be simulated.
+        """
+        shapes = pack(colliders)
+        return cls(
+            shapes=shapes,
+            start=ColliderPoses.identity(len(colliders)),
+            end=ColliderPoses.identity(len(colliders)),
+            thickness=colliders.thickness,
+            origin=np.zeros(3),
+            posed=PosedShapes.room_for(shapes),
+            refit=EllipsoidRefit(colliders, shapes),
+        )
+
+    def pose(self) -> None:
+        """Poses the shapes for the step from `start` to `end`."""
+        pose(self.shapes, self.start, self.end, self.origin, self.posed)
+        self.refit.pose(self.end, self.origin, self.shapes, self.posed)

@@ -36,7 +36,7 @@ def test_writes_ellipsoids_and_what_was_assumed(tmp_path, capsys):
     ("words", "named"),
     [
         (["--mu", "tail=0.1"], "tail"),
-        (["--mu", "head=wide"], "--mu"),
+        (["--mu", "head=wide"], "head=wide"),
         (["--mu-torso", "-1"], "mu_torso"),
         (["--max-ellipsoids", "2"], "max_ellipsoids"),
     ],
@@ -46,6 +46,30 @@ def test_bad_options_exit_2_with_one_line(words, named, tmp_path, capsys):
     error = capsys.readouterr().err.strip().splitlines()
     assert len(error) == 1
     assert named in error[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_reports_the_skin_outside_over_a_clip(tmp_path, capsys):
+    words = ["fit", "mannequin:vertices=1500", "--method", "ellipsoid", "--clip", "walk"]
+    out = tmp_path / "c.json"
+    assert cli.main([*words, "--max-ellipsoids", "30", "--out", str(out), "--json"]) == 0
+    printed = capsys.readouterr().out
+    assert "over the clip" in printed
+    assert "without refitting" in printed
+    motion = json.loads((tmp_path / "c.report.json").read_text())["motion"]
+    assert motion["poses"] == 30
+    assert 0.0 <= motion["outside_mm_mean"] < motion["static"]["outside_mm_mean"]
+    assert motion["outside_mm_max"] < motion["static"]["outside_mm_max"]
+    refitted = [c for c in load_colliders(out).colliders if "points" in c.geometry]
+    assert refitted
+    assert cli.main([*words, "--no-refit", "--out", str(out)]) == 0
+    assert "static" not in json.loads((tmp_path / "c.report.json").read_text())["motion"]
+
+
+def test_a_missing_clip_is_an_error(tmp_path, capsys):
+    words = ["fit", "mannequin:vertices=1500", "--method", "capsule", "--clip", "none.bvh"]
+    assert cli.main([*words, "--out", str(tmp_path / "c.json")]) == 2
+    assert "none.bvh" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 

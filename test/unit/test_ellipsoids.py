@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from garment_sim_ros.body.loaders import load_body
-from garment_sim_ros.colliders.ellipsoids import ellipsoids_around, fit_ellipsoids
+from garment_sim_ros.colliders.ellipsoid_binding import fit_ellipsoids
+from garment_sim_ros.colliders.ellipsoids import ellipsoids_around
 from garment_sim_ros.colliders.pruned_kmeans import FEWEST, Clustering, reassign, refine
-from garment_sim_ros.colliders.segmentation import REGIONS, TORSO
+from garment_sim_ros.colliders.thresholds import REGIONS, TORSO
 from garment_sim_ros.errors import ParameterError
+from garment_sim_ros.params import EllipsoidSettings
 
 
 @pytest.fixture(scope="module")
@@ -88,10 +90,10 @@ def test_refinement_ends_where_nothing_can_be_split():
 
 def test_every_point_is_in_its_ellipsoid_and_every_triangle_in_one(body):
     x, t = body.skin.vertices, body.skin.triangles
-    points = ellipsoids_around(body, max_ellipsoids=50, cover="vertices")
+    points = ellipsoids_around(body, EllipsoidSettings(max_ellipsoids=50), cover="vertices")
     for i, e in enumerate(points.ellipsoids):
         assert (e.zeta(x[points.label == i]) <= 1.0).all()
-    fit = ellipsoids_around(body, max_ellipsoids=50)
+    fit = ellipsoids_around(body, EllipsoidSettings(max_ellipsoids=50))
     inside = np.stack([e.zeta(x) <= 1.0 for e in fit.ellipsoids])
     assert inside[:, t].all(axis=2).any(axis=0).all()
     assert fit.label.min() == 0
@@ -100,13 +102,16 @@ def test_every_point_is_in_its_ellipsoid_and_every_triangle_in_one(body):
 
 def test_thresholds_by_part_and_region(body):
     torso = {REGIONS[i] for i in TORSO}
-    loose = ellipsoids_around(body, mu_torso=0.03, mu_limb=0.03, cover="vertices")
-    tight = ellipsoids_around(body, mu_torso=0.015, mu_limb=0.03, cover="vertices")
+
+    def fitted(**settings):
+        return ellipsoids_around(body, EllipsoidSettings(**settings), cover="vertices")
+
+    loose = fitted(mu_torso=0.03, mu_limb=0.03)
+    tight = fitted(mu_torso=0.015, mu_limb=0.03)
     assert tight.error[[r in torso for r in tight.region]].max() <= 0.015
     assert sum(r in torso for r in loose.region) < sum(r in torso for r in tight.region)
     assert loose.region.count("left_calf") == tight.region.count("left_calf")
-    legs = {"left_calf": 0.006, "right_calf": 0.1}
-    fit = ellipsoids_around(body, mu_torso=0.03, mu_limb=0.03, mu_regions=legs, cover="vertices")
+    fit = fitted(mu_torso=0.03, mu_limb=0.03, mu="left_calf=0.006 right_calf=0.1")
     assert fit.region.count("left_calf") > fit.region.count("right_calf")
     assert fit.region.count("head") == loose.region.count("head")
 
@@ -114,15 +119,18 @@ def test_thresholds_by_part_and_region(body):
 @pytest.mark.parametrize("name", ["mannequin:vertices=3000", "mannequin:build=1,sex=1"])
 def test_lower_error_than_without_segmentation_at_the_same_count(name):
     body = load_body(name)
-    options = {"max_ellipsoids": 60, "mu_torso": 1.5e-4, "mu_limb": 1e-4, "cover": "vertices"}
-    ours = ellipsoids_around(body, segmentation="surface", **options)
-    baseline = ellipsoids_around(body, segmentation="none", **options)
+    options = {"max_ellipsoids": 60, "mu_torso": 1.5e-4, "mu_limb": 1e-4}
+    ours, baseline = (
+        ellipsoids_around(body, EllipsoidSettings(segmentation=s, **options), cover="vertices")
+        for s in ("surface", "none")
+    )
     assert len(ours.ellipsoids) == len(baseline.ellipsoids) == 60
     assert ours.mean_error < baseline.mean_error
 
 
 def test_colliders_contain_the_skin_on_their_bones(body):
-    colliders, report = fit_ellipsoids(body, max_ellipsoids=40)
+    settings = EllipsoidSettings(max_ellipsoids=40)
+    colliders, report = fit_ellipsoids(body, settings)
     solid = [c for c in colliders.colliders if c.kind == "ellipsoid"]
     assert len(solid) == report["ellipsoids"] == 40
     assert {c.name for c in colliders.colliders if c.kind == "frame"} >= {"frame_hips"}
@@ -131,31 +139,38 @@ def test_colliders_contain_the_skin_on_their_bones(body):
     assert all(c.bone.startswith("left") for c in left)
     assert report["segmentation"]["confidence"] > 0.3
     assert set(report["ellipsoids_of"]) == set(REGIONS)
-    larger, _ = fit_ellipsoids(body, max_ellipsoids=40, delta=0.01)
+    larger, _ = fit_ellipsoids(body, settings, delta=0.01)
     for a, b in zip(solid, larger.colliders):
         assert np.allclose(np.subtract(b.geometry["radii"], a.geometry["radii"]), 0.01)
 
 
 def test_same_body_same_bytes(body):
-    first, _ = fit_ellipsoids(body, max_ellipsoids=30)
-    second, _ = fit_ellipsoids(body, max_ellipsoids=30)
+    first, _ = fit_ellipsoids(body, EllipsoidSettings(max_ellipsoids=30))
+    second, _ = fit_ellipsoids(body, EllipsoidSettings(max_ellipsoids=30))
     assert first.revision == second.revision
 
 
 @pytest.mark.parametrize(
-    "options",
+    ("options", "named"),
     [
-        {"mu_torso": 0.0},
-        {"mu_limb": np.nan},
-        {"sigma": -1.0},
-        {"max_ellipsoids": 3},
-        {"max_ellipsoids": 10**9},
-        {"segmentation": "magic"},
-        {"cover": "most"},
-        {"mu_regions": {"tail": 0.01}},
-        {"delta": -0.1},
+        ({"mu_torso": 0.0}, "mu_torso"),
+        ({"mu_limb": np.nan}, "mu_limb"),
+        ({"sigma": -1.0}, "sigma"),
+        ({"max_ellipsoids": 3}, "max_ellipsoids"),
+        ({"max_ellipsoids": 10**9}, "max_ellipsoids"),
+        ({"segmentation": "magic"}, "segmentation"),
+        ({"mu": "tail=0.01"}, "tail"),
+        ({"mu": "head"}, "head"),
+        ({"mu": "head=nan"}, "head"),
     ],
 )
-def test_bad_options(body, options):
-    with pytest.raises(ParameterError):
-        fit_ellipsoids(body, **options)
+def test_bad_options(body, options, named):
+    with pytest.raises(ParameterError, match=named):
+        fit_ellipsoids(body, EllipsoidSettings(**options))
+
+
+def test_bad_cover_and_delta(body):
+    with pytest.raises(ParameterError, match="cover"):
+        ellipsoids_around(body, cover="most")
+    with pytest.raises(ParameterError, match="delta"):
+        fit_ellipsoids(body, delta=-0.1)

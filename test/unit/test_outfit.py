@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.errors import InputFileError, ParameterError
 from garment_sim_ros.garment.materials import PRESETS, material_from
 from garment_sim_ros.garment.outfit import load_outfit
@@ -76,6 +77,9 @@ def test_options_material_and_attachments(tmp_path, body):
         (SKIRT + "colour: red", "unknown key 'colour'; allowed: version, garments, colliders"),
         (SKIRT + "colliders: {method: boxes}", "method: found 'boxes'; allowed: hulls, capsules"),
         (SKIRT + "colliders: {delta: .nan}", "delta: found nan"),
+        (SKIRT + "colliders: {mu: tail=0.01}", "mu: region 'tail'; allowed: head"),
+        (SKIRT.replace("_skirt}", "_skirt, mu: head=-1}"), "garment 'skirt'.mu: found 'head=-1'"),
+        (SKIRT.replace("_skirt}", "_skirt, mu: 0.03}"), "garment 'skirt'.mu: found 0.03"),
         (SKIRT + "  - {name: skirt, generator: tshirt}", "the name 'skirt' stands twice"),
         (SKIRT.replace("name: skirt", "name: Skirt"), "garments[0].name: found 'Skirt'"),
         (SKIRT.replace("name: skirt", "name: ../x"), "allowed: [a-z][a-z0-9_]*"),
@@ -202,3 +206,28 @@ def test_example_is_an_outfit():
     assert [g.name for g in file.garments] == ["skirt", "shirt"]
     assert file.garments[1].mesh == example.parent / "shirt.obj"
     assert file.garments[1].material.friction == 0.4
+
+
+def test_a_wide_skirt_asks_for_fewer_ellipsoids_over_the_legs(tmp_path, body):
+    """Thresholds by garment: where several name a region, the tightest counts."""
+    ellipsoids = "colliders: {method: ellipsoids, mu: head=0.02}\n"
+    thighs = "left_thigh=0.04 right_thigh=0.04"
+    loose = SKIRT.replace("_skirt}", f"_skirt, mu: {thighs}}}") + ellipsoids
+    tights = "  - {name: tights, generator: short_skirt, mu: left_thigh=0.006}\n"
+    count = {}
+    for name, text in (
+        ("plain", SKIRT + ellipsoids),
+        ("loose", loose),
+        ("both", loose.replace("colliders:", tights + "colliders:")),
+    ):
+        options = read_outfit(outfit(tmp_path, text)).colliders
+        shapes = fit_colliders(body, options).colliders
+        count[name] = [
+            sum(c.name.startswith(region) for c in shapes)
+            for region in ("left_thigh", "right_thigh", "left_calf")
+        ]
+    assert count["loose"][0] < count["plain"][0]
+    assert count["loose"][1] < count["plain"][1]
+    assert count["both"][0] > count["plain"][0]
+    assert count["both"][1] == count["loose"][1]
+    assert count["plain"][2] == count["loose"][2] == count["both"][2]
