@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.contact_shapes import PackedShapes, PosedShapes
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.geometry.jit import lean_kernel
 from garment_sim_ros.geometry.mvee import enclose, room_to_enclose
 from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import rotate
@@ -27,7 +27,7 @@ REFIT_KEYS = ("frames", "points", "weights", "inflation")
 it, shape [b]; its points in each of these frames [m], shape [b, n, 3]; their weights, shape
 [b, n]; and what is added to the radii around them [m]."""
 MAX_POINTS = 4096
-_TOLERANCE = 0.001
+_TOLERANCE = 0.005
 """Of volumes; what is found holds its points in any case."""
 _MIN_RADIUS = 1e-4
 
@@ -44,6 +44,9 @@ class _Carried(NamedTuple):
         start: Where the points of each block begin, shape [b].
         part: Points in the frame, times their weights [m], shape [p, 3].
         weight: The weights, shape [p].
+        guess: What the last ellipsoid began with for the next, see `enclose`; each ellipsoid's
+            begin at `own`.
+        own: Shape [j + 1].
     """
 
     shape: IntArray
@@ -54,6 +57,8 @@ class _Carried(NamedTuple):
     start: IntArray
     part: FloatArray
     weight: FloatArray
+    guess: FloatArray
+    own: IntArray
 
 
 class EllipsoidRefit:
@@ -88,12 +93,18 @@ class EllipsoidRefit:
             start=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32),
             part=np.concatenate([np.zeros((0, 3)), *(p * w[:, None] for _, p, w in blocks)]),
             weight=np.concatenate([np.zeros(0), *(w for _, _, w in blocks)]),
+            guess=np.zeros(sum(count)),
+            own=np.concatenate([[0], np.cumsum(count)]).astype(np.int32),
         )
         most = max(count, default=1)
         self._scratch = (np.empty((most, 3)), np.empty((5, 3)), room_to_enclose(most))
 
     def __len__(self) -> int:
         return len(self._carried.shape)
+
+    def forget(self) -> None:
+        """What follows does not depend on what was: the next fit begins anew."""
+        self._carried.guess[:] = 0.0
 
     def pose(
         self, poses: ColliderPoses, origin: FloatArray, shapes: PackedShapes, posed: PosedShapes
@@ -156,52 +167,59 @@ def _entries(
     return frames.astype(np.int32), points, weights, float(inflation)
 
 
-@kernel()
+@lean_kernel()
 def _refit(carried, position, orientation, origin, shapes, posed, points, found, scratch):
     """See `EllipsoidRefit.pose`."""
-    centre = found[0]
-    radii = found[4]
     for j in range(carried.shape.size):
         n = carried.points[j]
-        for p in range(n):
-            for r in range(3):
-                points[p, r] = 0.0
-        for block in range(carried.first[j], carried.first[j + 1]):
-            i = carried.frame[block]
-            q = orientation[i]
-            r00, r10, r20 = rotate(q[0], q[1], q[2], q[3], 1.0, 0.0, 0.0)
-            r01, r11, r21 = rotate(q[0], q[1], q[2], q[3], 0.0, 1.0, 0.0)
-            r02, r12, r22 = rotate(q[0], q[1], q[2], q[3], 0.0, 0.0, 1.0)
-            tx = position[i, 0] - origin[0]
-            ty = position[i, 1] - origin[1]
-            tz = position[i, 2] - origin[2]
-            start = carried.start[block]
-            for p in range(n):
-                w = carried.weight[start + p]
-                x = carried.part[start + p, 0]
-                y = carried.part[start + p, 1]
-                z = carried.part[start + p, 2]
-                points[p, 0] += r00 * x + r01 * y + r02 * z + w * tx
-                points[p, 1] += r10 * x + r11 * y + r12 * z + w * ty
-                points[p, 2] += r20 * x + r21 * y + r22 * z + w * tz
-        enclose(points, n, _TOLERANCE, _MIN_RADIUS, scratch, found)
+        _carry(carried, j, position, orientation, origin, points)
+        guess = carried.guess[carried.own[j] : carried.own[j + 1]]
+        enclose(points, n, _TOLERANCE, _MIN_RADIUS, guess, scratch, found)
         k = carried.shape[j]
         for r in range(3):
-            radii[r] += carried.inflation[j]
-            shapes.size[k, r] = radii[r]
-            shapes.radii[k, r] = radii[r]
-            posed.centre[k, r] = centre[r]
+            radius = found[4, r] + carried.inflation[j]
+            found[4, r] = radius
+            shapes.size[k, r] = radius
+            shapes.radii[k, r] = radius
+            posed.centre[k, r] = found[0, r]
         # The longest radius is the first: a capsule along x holds the ellipsoid.
-        half = radii[0] - radii[1]
+        half = found[4, 0] - found[4, 1]
         for r in range(3):
             extent = 0.0
             for c in range(3):
                 posed.rotation[k, r, c] = found[1 + r, c]
-                extent += (found[1 + r, c] * radii[c]) ** 2
+                extent += (found[1 + r, c] * found[4, c]) ** 2
             extent = np.sqrt(extent)
-            posed.bound[k, r] = centre[r] - half * found[1 + r, 0]
+            posed.bound[k, r] = found[0, r] - half * found[1 + r, 0]
             posed.bound[k, 3 + r] = found[1 + r, 0]
-            posed.box[k, r] = centre[r] - extent
-            posed.box[k, 3 + r] = centre[r] + extent
+            posed.box[k, r] = found[0, r] - extent
+            posed.box[k, 3 + r] = found[0, r] + extent
         posed.bound[k, 6] = 2.0 * half
-        posed.bound[k, 7] = radii[1]
+        posed.bound[k, 7] = found[4, 1]
+
+
+@lean_kernel()
+def _carry(carried, j, position, orientation, origin, points):
+    """Where the points of ellipsoid j are, about the origin; shape [at least n, 3]."""
+    n = carried.points[j]
+    for p in range(n):
+        for r in range(3):
+            points[p, r] = 0.0
+    for block in range(carried.first[j], carried.first[j + 1]):
+        i = carried.frame[block]
+        q = orientation[i]
+        r00, r10, r20 = rotate(q[0], q[1], q[2], q[3], 1.0, 0.0, 0.0)
+        r01, r11, r21 = rotate(q[0], q[1], q[2], q[3], 0.0, 1.0, 0.0)
+        r02, r12, r22 = rotate(q[0], q[1], q[2], q[3], 0.0, 0.0, 1.0)
+        tx = position[i, 0] - origin[0]
+        ty = position[i, 1] - origin[1]
+        tz = position[i, 2] - origin[2]
+        start = carried.start[block]
+        for p in range(n):
+            w = carried.weight[start + p]
+            x = carried.part[start + p, 0]
+            y = carried.part[start + p, 1]
+            z = carried.part[start + p, 2]
+            points[p, 0] += r00 * x + r01 * y + r02 * z + w * tx
+            points[p, 1] += r10 * x + r11 * y + r12 * z + w * ty
+            points[p, 2] += r20 * x + r21 * y + r22 * z + w * tz

@@ -26,22 +26,32 @@ def room_for_points(n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 @kernel()
-def find_weights(table, count, d, tolerance, scratch):
-    """The weights of the ellipsoid's moments; points that have none are dropped.
+def find_weights(table, count, d, tolerance, keep, scratch):
+    """The weights of the ellipsoid's moments.
 
     Args:
         table: In the rows `X` to `Z` the points, spread about alike in every direction; the row
-            `WEIGHT` is filled. Points change their places.
+            `WEIGHT` is filled.
         count: Number of points.
         d: Number of dimensions, 1 to 3.
         tolerance: The volume is at most about ``(1 + tolerance)**(d / 2)`` times the smallest.
+        keep: All points stay where they are, and weights that are not all zero are where to start
+            from; else points that cannot have a weight are dropped, and others change places.
         scratch: Of `room_for_points`.
 
     Returns:
         How many points are left.
     """
-    _start(table, count, d, scratch[:3], scratch[3])
-    return _optimise(table, count, d, tolerance, scratch[:4], scratch[4])
+    total = 0.0
+    if keep:
+        for p in range(count):
+            total += table[WEIGHT, p]
+    if total > 0.0:
+        for p in range(count):
+            table[WEIGHT, p] /= total
+    else:
+        _start(table, count, d, scratch[:3], scratch[3])
+    return _optimise(table, count, d, tolerance, keep, scratch[:4], scratch[4])
 
 
 @kernel()
@@ -167,7 +177,7 @@ def _form(table, count, M):
 
 
 @kernel()
-def _optimise(table, count, d, tolerance, M, product):
+def _optimise(table, count, d, tolerance, keep, M, product):
     """Todd & Yildirim's steps towards or away from one point, until all are within tolerance.
 
     With ``kappa_p = q_p^T M^-1 q_p`` and m = d + 1: at the optimum kappa_p <= m, with equality
@@ -227,7 +237,7 @@ def _optimise(table, count, d, tolerance, M, product):
             )
             kept = 0
             for i in range(count):
-                if table[KAPPA, i] >= bound or table[WEIGHT, i] > 0.0:
+                if keep or table[KAPPA, i] >= bound or table[WEIGHT, i] > 0.0:
                     for row in range(5):
                         table[row, kept] = table[row, i]
                     kept += 1

@@ -92,7 +92,8 @@ def mvee(points: FloatArray, *, tolerance: float = 1e-3, min_radius: float = 1e-
     if not len(points) or not np.isfinite(points).all():
         raise GeometryError("an ellipsoid needs at least one point, all of them finite")
     found = np.empty((5, 3))
-    enclose(points, len(points), tolerance, min_radius, room_to_enclose(len(points)), found)
+    room, no_guess = room_to_enclose(len(points)), np.empty(0)
+    enclose(points, len(points), tolerance, min_radius, no_guess, room, found)
     ellipsoid = Ellipsoid(found[0], found[1:4], found[4])
     # Once more for the numbers as others round them.
     needed = float(ellipsoid.zeta(points).max())
@@ -107,7 +108,7 @@ def room_to_enclose(n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 @kernel()
-def enclose(points, count, tolerance, min_radius, scratch, found):
+def enclose(points, count, tolerance, min_radius, guess, scratch, found):
     """See `mvee`; allocates nothing.
 
     Args:
@@ -115,6 +116,8 @@ def enclose(points, count, tolerance, min_radius, scratch, found):
         count: How many there are, at least 1.
         tolerance: See `mvee`.
         min_radius: See `mvee`.
+        guess: Weights of the points in an ellipsoid near this one, or zeros; those of this one
+            afterwards. Shape [count], or empty.
         scratch: Of `room_to_enclose`.
         found: Output: centre, three rows of the matrix of axes, and radii [m], shape [5, 3].
     """
@@ -148,7 +151,12 @@ def enclose(points, count, tolerance, min_radius, scratch, found):
             table[k, p] = table[k, p] / scale if k < rank else 0.0
         radii[k] = scale if k < rank else 10.0 * radii[k]
     if rank > 0:
-        left = find_weights(table, count, rank, tolerance, weights_scratch)
+        keep = guess.size > 0
+        for p in range(guess.size):
+            table[WEIGHT, p] = guess[p]
+        left = find_weights(table, count, rank, tolerance, keep, weights_scratch)
+        for p in range(guess.size):
+            guess[p] = table[WEIGHT, p]
         _weighted_moments(table, left, rank, radii, middle, S)
     for k in range(3):
         if k >= rank:

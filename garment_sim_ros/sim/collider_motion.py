@@ -67,6 +67,7 @@ class ColliderMotion:
     def stand(self, poses: ColliderPoses) -> None:
         """Colliders stand still, and the local origin is in their middle."""
         self.state.origin[:] = poses.position.mean(axis=0) if len(poses.position) else 0.0
+        self.state.refit.forget()
         self.interpolate(poses, poses, 0.0, 1.0)
 
     def follow(self, poses: ColliderPoses) -> SingleArray | None:
