@@ -14,18 +14,16 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
+from garment_sim_ros.geometry.jit import exact_kernel
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_OFFSETS = np.linspace(0.12, 0.88, 7)
+_OFFSETS = np.linspace(0.08, 0.92, 15)
 """Places where a part is tried to be cut, as shares of its extent."""
-_COARSE = 1000
-"""Surfaces of at most so many triangles are cut to see what a cut saves."""
-_SAMPLES = 2000
-"""Most points that it is estimated from for finer ones."""
 _DIRECTIONS = 50
-"""An estimated volume is that of the hull of the farthest points in so many directions."""
-_TRIED = 3
+"""A volume is estimated from the farthest points in so many directions."""
+_TRIED = 4
 """Cuts that seem best and are made to see what they really save."""
 _WELD_BITS = 20
 """Points that agree to this many bits of the surface's extent, per coordinate, are one."""
@@ -179,46 +177,108 @@ def _assess(surface: FloatArray, worth: float) -> _Part:
     No cut saves more than what the hull has over the solid; where that is not `worth` it, none is
     looked for.
     """
-    volume = _hull_volume(surface.reshape(-1, 3))
+    points, corner = _weld(surface)
+    volume = _hull_volume(points)
     a, b, c = (surface - surface[0, 0]).transpose(1, 0, 2)
     solid = float(np.einsum("tk,tk->", a, np.cross(b, c))) / 6.0
     if volume - abs(solid) <= worth:
         return _Part(surface, 0.0, np.zeros(4))
-    points, _ = _weld(surface)
     mean = points.mean(axis=0)
     _, axes = np.linalg.eigh((points - mean).T @ (points - mean))
-    estimate = _cut_surface if len(surface) <= _COARSE else _cut_samples
-    planes = [
-        np.array([*axis, low + share * (high - low)])
-        for axis in axes.T
-        for low, high in [((points @ axis).min(), (points @ axis).max())]
-        for share in _OFFSETS
-    ]
-    likely = sorted(planes, key=lambda candidate: estimate(surface, points, candidate))[:_TRIED]
-    kept = [sum(_hull_volume(s.reshape(-1, 3)) for s in cut(surface, plane)) for plane in likely]
+    planes = np.array(
+        [
+            [*axis, low + share * (high - low)]
+            for axis in axes.T
+            for low, high in [((points @ axis).min(), (points @ axis).max())]
+            for share in _OFFSETS
+        ]
+    )
+    left = np.empty(len(planes))
+    _estimate(points, corner, points @ _AROUND, planes, _AROUND, _BETWEEN, left)
+    likely = planes[np.argsort(left)[:_TRIED]]
+    kept = [_kept(points, corner, plane) for plane in likely]
     best = int(np.argmin(kept))
     return _Part(surface, volume - kept[best], likely[best])
 
 
-def _cut_surface(surface: FloatArray, points: FloatArray, plane: FloatArray) -> float:
-    """About the hull volume left by a cut."""
-    below, above, _ = split(surface, surface @ plane[:3] - plane[3])
-    return _about_volume(below.reshape(-1, 3)) + _about_volume(above.reshape(-1, 3))
-
-
-def _cut_samples(surface: FloatArray, points: FloatArray, plane: FloatArray) -> float:
-    """The same from some of the points; those near the section stand in for it."""
-    points = points[:: max(1, len(points) // _SAMPLES)]
+def _kept(points: FloatArray, corner: IntArray, plane: FloatArray) -> float:
+    """The hull volume that a cut leaves [m^3]."""
     height = points @ plane[:3] - plane[3]
-    band = 0.02 * float(np.ptp(height))
-    return _about_volume(points[height <= band]) + _about_volume(points[height >= -band])
+    _, _, section = split(points[corner], height[corner])
+    section = section.reshape(-1, 3)
+    sides = points[height <= 0.0], points[height > 0.0]
+    return sum(_hull_volume(np.concatenate([side, section])) for side in sides)
 
 
-def _about_volume(points: FloatArray) -> float:
-    """Volume of the hull of extreme points: a little less than that of all."""
-    if len(points) <= _DIRECTIONS:
-        return _hull_volume(points)
-    return _hull_volume(points[np.unique(np.argmax(points @ _AROUND, axis=0))])
+@exact_kernel()
+def _estimate(points, corner, along, planes, around, between, left):
+    """About the hull volume that each cut leaves: a little less, from the extreme points.
+
+    The farthest points in directions that are spread evenly, joined like the directions are, bound
+    most of a convex hull.
+
+    Args:
+        points: Corners of a closed surface [m], shape [n, 3].
+        corner: Those of each triangle, shape [t, 3].
+        along: How far each point is along each direction [m], shape [n, d].
+        planes: Cuts: unit normal and offset, shape [p, 4].
+        around: Directions, shape [3, d].
+        between: Triangles of the directions' hull, outwards, shape [f, 3].
+        left: Output [m^3], shape [p].
+    """
+    directions = around.shape[1]
+    height = np.empty(points.shape[0])
+    farthest = np.empty((2, directions))
+    extreme = np.empty((2, directions, 3))
+    at = np.empty(3)
+    for p in range(planes.shape[0]):
+        n = planes[p]
+        farthest[:] = -np.inf
+        for i in range(points.shape[0]):
+            x = points[i]
+            height[i] = n[0] * x[0] + n[1] * x[1] + n[2] * x[2] - n[3]
+            side = 1 if height[i] > 0.0 else 0
+            for d in range(directions):
+                if along[i, d] > farthest[side, d]:
+                    farthest[side, d] = along[i, d]
+                    extreme[side, d, 0], extreme[side, d, 1], extreme[side, d, 2] = (
+                        x[0],
+                        x[1],
+                        x[2],
+                    )
+        for t in range(corner.shape[0]):
+            for c in range(3):
+                i, j = corner[t, c], corner[t, (c + 1) % 3]
+                if not (height[i] <= 0.0 < height[j]):
+                    continue  # each edge once: its other triangle has it the other way round
+                share = height[i] / (height[i] - height[j])
+                for k in range(3):
+                    at[k] = points[i, k] + share * (points[j, k] - points[i, k])
+                for d in range(directions):
+                    far = at[0] * around[0, d] + at[1] * around[1, d] + at[2] * around[2, d]
+                    for side in range(2):
+                        if far > farthest[side, d]:
+                            farthest[side, d] = far
+                            for k in range(3):
+                                extreme[side, d, k] = at[k]
+        total = 0.0
+        for side in range(2):
+            if farthest[side, 0] == -np.inf:
+                continue
+            o = extreme[side, 0]
+            for f in range(between.shape[0]):
+                a, b, c = (
+                    extreme[side, between[f, 0]],
+                    extreme[side, between[f, 1]],
+                    extreme[side, between[f, 2]],
+                )
+                ax, ay, az = a[0] - o[0], a[1] - o[1], a[2] - o[2]
+                bx, by, bz = b[0] - o[0], b[1] - o[1], b[2] - o[2]
+                cx, cy, cz = c[0] - o[0], c[1] - o[1], c[2] - o[2]
+                total += (
+                    ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+                ) / 6.0
+        left[p] = total
 
 
 def _lattice(count: int) -> FloatArray:
@@ -230,7 +290,17 @@ def _lattice(count: int) -> FloatArray:
     return np.stack([r * np.cos(turn), r * np.sin(turn), z])
 
 
+def _joined(around: FloatArray) -> IntArray:
+    """Triangles between unit vectors [3, d], counter-clockwise seen from outside, shape [f, 3]."""
+    triangles = ConvexHull(around.T).simplices.astype(np.int64)
+    a, b, c = around.T[triangles].transpose(1, 0, 2)
+    inwards = np.einsum("fk,fk->f", a, np.cross(b, c)) < 0.0
+    triangles[inwards] = triangles[inwards][:, ::-1]
+    return triangles
+
+
 _AROUND = _lattice(_DIRECTIONS)
+_BETWEEN = _joined(_AROUND)
 
 
 def _hull_volume(points: FloatArray) -> float:

@@ -71,7 +71,7 @@ def gather_patch(faces, neighbours, seed, removed, patch):
 
 @exact_kernel()
 def gather_link(faces, neighbours, removed, patch, count, link, outer):
-    """The patch's outline in order, counter-clockwise, and the faces outside its edges.
+    """The patch's outline in order, counter-clockwise, and what is outside its edges.
 
     Args:
         faces: Triangles, shape [f, 3].
@@ -80,7 +80,7 @@ def gather_link(faces, neighbours, removed, patch, count, link, outer):
         patch: Faces of the patch, from `gather_patch`.
         count: Their number.
         link: Output vertices; edge k runs from link[k] to link[k + 1], shape [MAX_PATCH].
-        outer: Output face across edge k, shape [MAX_PATCH].
+        outer: Output 3 f + i, where edge k is that of face f from corner i, shape [MAX_PATCH].
 
     Returns:
         The number of edges, 0 if the outline is not one simple loop around a disk.
@@ -114,8 +114,6 @@ def gather_link(faces, neighbours, removed, patch, count, link, outer):
             return 0
         link[k + 1], link[at] = link[at], link[k + 1]
         outer[k + 1], outer[at] = outer[at], outer[k + 1]
-    for k in range(edges):
-        outer[k] //= 3
     inside = 1
     inside += removed[1] != removed[0]
     inside += removed[2] != removed[0] and removed[2] != removed[1]
@@ -138,10 +136,9 @@ def replace_patch(faces, neighbours, patch, count, link, outer, edges, vertex):
         faces[f, 0] = link[k]
         faces[f, 1] = link[(k + 1) % edges]
         faces[f, 2] = vertex
-        neighbours[f, 0] = outer[k]
+        neighbours[f, 0] = outer[k] // 3
         neighbours[f, 1] = patch[(k + 1) % edges]
         neighbours[f, 2] = patch[(k - 1) % edges]
-        g = outer[k]
-        neighbours[g, _corner(faces, g, link[(k + 1) % edges])] = f
+        neighbours[outer[k] // 3, outer[k] % 3] = f
     for k in range(edges, count):
         faces[patch[k], 0] = -1

@@ -65,18 +65,16 @@ def quadric_error(q, v):
 
 
 @exact_kernel()
-def _fill_conditions(x, faces, inner, link, outer, edges, planes):
+def _fill_conditions(x, faces, inner, link, outer, edges, touching, planes):
     """The half-spaces that a new vertex over the outline must lie in; returns their number."""
     count = 0
-    e = np.empty(3)
-    t = np.empty(3)
     n = np.empty(3)
     for k in range(edges):
         a = x[link[k]]
         b = x[link[(k + 1) % edges]]
         c = x[link[(k + 2) % edges]]
         # Below the face outside the edge.
-        g = faces[outer[k]]
+        g = faces[outer[k] // 3]
         p, q, r = x[g[0]], x[g[1]], x[g[2]]
         _cross(p, q, r, n)
         if not _unit(n):
@@ -85,32 +83,11 @@ def _fill_conditions(x, faces, inner, link, outer, edges, planes):
             planes[count, i] = n[i]
         planes[count, 3] = n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - _MARGIN
         count += 1
-        # Above the plane through the edge that touches the inner hull: of all inner points, seen
-        # along the edge, the one least turned down from the outer face's plane.
-        for i in range(3):
-            e[i] = b[i] - a[i]
-        if not _unit(e):
+        # Above the plane through the edge that touches the inner hull.
+        known = touching[outer[k]]
+        if known[0] != known[0] and not _touch(inner, a, b, n, known):
             return -1
-        t[0] = n[1] * e[2] - n[2] * e[1]
-        t[1] = n[2] * e[0] - n[0] * e[2]
-        t[2] = n[0] * e[1] - n[1] * e[0]
-        best_t = -1.0
-        best_n = 0.0
-        for i in range(inner.shape[0]):
-            rx, ry, rz = inner[i, 0] - a[0], inner[i, 1] - a[1], inner[i, 2] - a[2]
-            along_t = rx * t[0] + ry * t[1] + rz * t[2]
-            down = max(-(rx * n[0] + ry * n[1] + rz * n[2]), 0.0)
-            if best_t * down - best_n * along_t < 0.0:
-                best_t, best_n = along_t, down
-        length = np.sqrt(best_t * best_t + best_n * best_n)
-        for i in range(3):
-            t[i] = (best_t * t[i] - best_n * n[i]) / length
-        planes[count, 0] = -(e[1] * t[2] - e[2] * t[1])
-        planes[count, 1] = -(e[2] * t[0] - e[0] * t[2])
-        planes[count, 2] = -(e[0] * t[1] - e[1] * t[0])
-        planes[count, 3] = (
-            planes[count, 0] * a[0] + planes[count, 1] * a[1] + planes[count, 2] * a[2] - _MARGIN
-        )
+        planes[count] = known
         count += 1
         # Above the plane through three consecutive outline vertices.
         _cross(a, b, c, n)
@@ -120,6 +97,40 @@ def _fill_conditions(x, faces, inner, link, outer, edges, planes):
             planes[count, 3] = -(n[0] * a[0] + n[1] * a[1] + n[2] * a[2]) - _MARGIN
             count += 1
     return count
+
+
+@exact_kernel()
+def _touch(inner, a, b, n, plane):
+    """Half-space above the plane through the edge from a to b that touches the inner hull.
+
+    Of all inner points, seen along the edge, it goes through the one least turned down from the
+    plane of the face outside, with the normal n.
+    """
+    e = np.empty(3)
+    t = np.empty(3)
+    for i in range(3):
+        e[i] = b[i] - a[i]
+    if not _unit(e):
+        return False
+    t[0] = n[1] * e[2] - n[2] * e[1]
+    t[1] = n[2] * e[0] - n[0] * e[2]
+    t[2] = n[0] * e[1] - n[1] * e[0]
+    best_t = -1.0
+    best_n = 0.0
+    for i in range(inner.shape[0]):
+        rx, ry, rz = inner[i, 0] - a[0], inner[i, 1] - a[1], inner[i, 2] - a[2]
+        along_t = rx * t[0] + ry * t[1] + rz * t[2]
+        down = max(-(rx * n[0] + ry * n[1] + rz * n[2]), 0.0)
+        if best_t * down - best_n * along_t < 0.0:
+            best_t, best_n = along_t, down
+    length = np.sqrt(best_t * best_t + best_n * best_n)
+    for i in range(3):
+        t[i] = (best_t * t[i] - best_n * n[i]) / length
+    plane[0] = -(e[1] * t[2] - e[2] * t[1])
+    plane[1] = -(e[2] * t[0] - e[0] * t[2])
+    plane[2] = -(e[0] * t[1] - e[1] * t[0])
+    plane[3] = plane[0] * a[0] + plane[1] * a[1] + plane[2] * a[2] - _MARGIN
+    return True
 
 
 @exact_kernel()
@@ -215,7 +226,9 @@ def _change_plane(n, metric, centre, out):
 
 
 @exact_kernel()
-def place(x, quadric, faces, inner, limits, link, outer, edges, objective, guess, planes, v):
+def place(
+    x, quadric, faces, inner, limits, link, outer, edges, touching, objective, guess, planes, v
+):
     """Best allowed vertex over an outline.
 
     Args:
@@ -225,8 +238,10 @@ def place(x, quadric, faces, inner, limits, link, outer, edges, objective, guess
         inner: Vertices of the hull to contain, shape [p, 3].
         limits: Half-spaces that the vertex must lie in besides, shape [q, 4].
         link: Outline, see `gather_link`.
-        outer: Faces outside it.
+        outer: What is outside it.
         edges: Its length.
+        touching: For each edge of each face the half-space inside it that touches the inner hull,
+            NaN where not known yet, shape [3 f, 4].
         objective: `QUADRIC` or `VOLUME`.
         guess: A point near the patch, shape [3].
         planes: Scratch, shape [3 MAX_PATCH + MAX_CUTS, 4].
@@ -235,7 +250,7 @@ def place(x, quadric, faces, inner, limits, link, outer, edges, objective, guess
     Returns:
         False if there is none.
     """
-    count = _fill_conditions(x, faces, inner, link, outer, edges, planes)
+    count = _fill_conditions(x, faces, inner, link, outer, edges, touching, planes)
     if count < 0:
         return False
     metric = np.empty(6)

@@ -117,7 +117,19 @@ def _removed_quadric(quadrics, removed):
 
 @exact_kernel()
 def _evaluate(
-    x, quadrics, faces, neighbours, inner, limits, objective, seed, removed, scratch, planes, v
+    x,
+    quadrics,
+    faces,
+    neighbours,
+    inner,
+    limits,
+    touching,
+    objective,
+    seed,
+    removed,
+    scratch,
+    planes,
+    v,
 ):
     """Cost of replacing the vertices `removed` by the best one, which goes into v.
 
@@ -136,7 +148,7 @@ def _evaluate(
     for k in range(3):
         guess += x[removed[k]] / 3.0
     if not place(
-        x, quadric, faces, inner, limits, link, outer, edges, objective, guess, planes, v
+        x, quadric, faces, inner, limits, link, outer, edges, touching, objective, guess, planes, v
     ):
         return np.inf, 0, 0
     if objective == QUADRIC:
@@ -162,7 +174,18 @@ def _candidate(faces, f, i, removed):
 
 @exact_kernel()
 def _delete(
-    x, count, quadrics, faces, neighbours, inner, limits, max_faces, objective, scratch, planes
+    x,
+    count,
+    quadrics,
+    faces,
+    neighbours,
+    inner,
+    limits,
+    touching,
+    max_faces,
+    objective,
+    scratch,
+    planes,
 ):
     """Delete the cheapest edge or triangle until none is left to delete.
 
@@ -199,7 +222,7 @@ def _delete(
                     continue
                 _candidate(faces, f, i, removed)
                 cost, _, _ = _evaluate(
-                    x, quadrics, faces, neighbours, inner, limits, objective, f, removed,
+                    x, quadrics, faces, neighbours, inner, limits, touching, objective, f, removed,
                     scratch, planes, v,
                 )  # fmt: skip
                 costs[f, i] = cost if i < 3 else 0.5 * cost
@@ -224,8 +247,8 @@ def _delete(
                 continue
             _candidate(faces, best_f, best_i, removed)
             cost, patch_size, edges = _evaluate(
-                x, quadrics, faces, neighbours, inner, limits, objective, best_f, removed,
-                scratch, planes, v,
+                x, quadrics, faces, neighbours, inner, limits, touching, objective, best_f,
+                removed, scratch, planes, v,
             )  # fmt: skip
             share = 1.0 if best_i < 3 else 0.5
             if share * cost > best + 1e-3 * abs(best) + 1e-15:
@@ -238,6 +261,7 @@ def _delete(
             )
             for k in range(edges, patch_size):
                 costs[scratch[0, k], :] = np.inf
+            _forget(touching, scratch[0], patch_size)
             touched[count] = True
             count += 1
             alive -= patch_size - edges
@@ -247,7 +271,16 @@ def _delete(
 
 
 @exact_kernel()
-def _polish(x, count, quadrics, faces, neighbours, inner, limits, objective, scratch, planes):
+def _forget(touching, patch, count):
+    """The half-spaces of faces that have changed."""
+    for k in range(count):
+        touching[3 * patch[k] : 3 * patch[k] + 3] = np.nan
+
+
+@exact_kernel()
+def _polish(
+    x, count, quadrics, faces, neighbours, inner, limits, touching, objective, scratch, planes
+):
     """Move every vertex to its best allowed place, one after the other."""
     face_of = np.full(count, -1, dtype=np.int32)
     for f in range(faces.shape[0]):
@@ -261,12 +294,13 @@ def _polish(x, count, quadrics, faces, neighbours, inner, limits, objective, scr
             continue
         removed[:] = vertex
         before = quadric_error(quadrics[vertex], x[vertex]) if objective == QUADRIC else 0.0
-        cost, _, _ = _evaluate(
-            x, quadrics, faces, neighbours, inner, limits, objective, face_of[vertex], removed,
-            scratch, planes, v,
+        cost, patch_size, _ = _evaluate(
+            x, quadrics, faces, neighbours, inner, limits, touching, objective, face_of[vertex],
+            removed, scratch, planes, v,
         )  # fmt: skip
         if cost < before:
             x[vertex] = v
+            _forget(touching, scratch[0], patch_size)
 
 
 @exact_kernel()
@@ -274,14 +308,16 @@ def _simplify(x, count, quadrics, faces, neighbours, inner, limits, max_faces, o
     """Delete and polish in turns: polishing makes room for more deletions."""
     scratch = np.empty((3, MAX_PATCH), dtype=np.int32)
     planes = np.empty((3 * MAX_PATCH + MAX_CUTS, 4))
+    touching = np.full((3 * faces.shape[0], 4), np.nan)
     for _ in range(rounds):
         count, deleted = _delete(
-            x, count, quadrics, faces, neighbours, inner, limits, max_faces, objective,
+            x, count, quadrics, faces, neighbours, inner, limits, touching, max_faces, objective,
             scratch, planes,
         )  # fmt: skip
         for _ in range(3):
             _polish(
-                x, count, quadrics, faces, neighbours, inner, limits, objective, scratch, planes
-            )
+                x, count, quadrics, faces, neighbours, inner, limits, touching, objective,
+                scratch, planes,
+            )  # fmt: skip
         if not deleted:
             break
