@@ -255,7 +255,7 @@ class _ColliderKind:
     method: str = parameter(
         "hulls",
         "Kind of colliders.",
-        choices=("hulls", "capsules", "ellipsoids", "spheres"),
+        choices=("hulls", "capsules", "ellipsoids", "spheres", "mesh"),
     )
     thickness: float = parameter(
         0.002, "Distance that cloth keeps on top.", unit="m", minimum=0.0, maximum=0.1

@@ -102,12 +102,12 @@ def _packed(collider: Collider) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def pack(colliders: ColliderSet) -> PackedShapes:
-    """The touchable shapes of a set as flat arrays.
+    """The touchable shapes of a set as flat arrays, a skinned mesh not among them.
 
     Raises:
         GeometryError: A shape of unknown kind or with unusable numbers.
     """
-    touchable = [i for i, c in enumerate(colliders.colliders) if c.kind != "frame"]
+    touchable = [i for i, c in enumerate(colliders.colliders) if c.kind not in ("frame", "mesh")]
     packed = [_packed(colliders.colliders[i]) for i in touchable]
     size = np.array([size for size, _ in packed], dtype=np.float32).reshape(-1, 4)
     bound = np.array([bound for _, bound in packed], dtype=np.float64).reshape(-1, 7)

@@ -24,8 +24,10 @@ from garment_sim_ros.geometry.winding_number import (
     BURIED,
     INSIDE,
     MIXED,
+    OUTER,
+    UNKNOWN,
+    burial,
     face_normal,
-    find_buried,
     insides,
     is_buried,
     refit_dipoles,
@@ -39,6 +41,8 @@ _LEAF_SIZE = 4
 _ROUNDS = 8
 """Most moves out: each may end in another fold or nearer than the thickness to one."""
 _BISECTIONS = 45
+_SURE = 1e-5
+"""Farther than this from the nearest triangle, its side is that of the surface [m]."""
 _EDGE = 1e-7
 """A hit may miss a triangle by this in its barycentric coordinates: no slits between them."""
 
@@ -80,18 +84,24 @@ class MeshCollider:
         self._refit()
         self._boxes_before[:] = self._boxes
 
-    def update(self, vertices: FloatArray) -> None:
+    def update(self, vertices: FloatArray, before: FloatArray | None = None) -> None:
         """Move the skin; where it was is the start of the step that `collide` looks at.
 
         Args:
             vertices: New positions in the constructor's order [m], shape [v, 3].
+            before: Where it was, if that is not what the last update said [m], shape [v, 3].
 
         Raises:
             GeometryError: Another count, or positions that are not finite.
         """
         x = _checked(vertices, len(self._x))
-        self._before, self._x = self._x, x
-        self._boxes_before[:] = self._boxes
+        if before is None:
+            self._before = self._x
+            self._boxes_before[:] = self._boxes
+        else:
+            self._before = _checked(before, len(self._x))
+            refit_boxes(self._before, self._triangles, self._boxes_before, self._depth)
+        self._x = x
         self._refit()
 
     def collide(
@@ -132,7 +142,7 @@ class MeshCollider:
     def _refit(self) -> None:
         refit_boxes(self._x, self._triangles, self._boxes, self._depth)
         refit_dipoles(self._x, self._triangles, self._depth, self._boxes, self._dipoles)
-        find_buried(self._x, self._triangles, self._depth, self._dipoles, self._state)
+        self._state[:] = UNKNOWN
 
 
 def _checked(vertices: FloatArray, count: int) -> FloatArray:
@@ -148,6 +158,10 @@ def _closest_outer(x, triangles, depth, boxes, dipoles, state, strict, p, closes
 
     Of a triangle only the closest place is looked at: where that is buried, another triangle is
     near. `strict` does not believe that triangles are wholly outer ones.
+
+    Returns:
+        Squared distance, triangle, and on which side of it the point is, where that is certain: in
+        front 1, behind -1, else 0. Nothing lies between a point and the nearest place of all.
     """
     n = triangles.shape[0]
     first_leaf = (1 << depth) - 1
@@ -156,6 +170,8 @@ def _closest_outer(x, triangles, depth, boxes, dipoles, state, strict, p, closes
     top = 1
     best = -1
     best_d2 = np.inf
+    best_side = 0
+    skipped = np.inf
     at = np.empty(3)
     while top > 0:
         top -= 1
@@ -174,19 +190,23 @@ def _closest_outer(x, triangles, depth, boxes, dipoles, state, strict, p, closes
             continue
         leaf = node - first_leaf
         for t in range((leaf * n) >> depth, ((leaf + 1) * n) >> depth):
-            if state[t] == BURIED:
-                continue
-            d2, cx, cy, cz, _ = closest_point(x, triangles[t], p[0], p[1], p[2])
+            d2, cx, cy, cz, feature = closest_point(x, triangles[t], p[0], p[1], p[2])
             if d2 >= best_d2:
                 continue
             at[0], at[1], at[2] = cx, cy, cz
-            if (strict or state[t] == MIXED) and is_buried(
-                x, triangles, depth, dipoles, triangles[t], at
+            kind = burial(x, triangles, depth, dipoles, state, t)
+            if kind == BURIED or (
+                (strict or kind == MIXED)
+                and is_buried(x, triangles, depth, dipoles, triangles[t], at)
             ):
+                skipped = min(skipped, d2)
                 continue
             best_d2, best = d2, t
             closest[:] = at
-    return best_d2, best
+            best_side = 0
+            if feature == 0 and kind == OUTER and d2 > _SURE * _SURE:
+                best_side = 1 if _dot(face_normal(x, triangles[t]), p - at) > 0.0 else -1
+    return best_d2, best, best_side if best_d2 < skipped else 0
 
 
 @exact_kernel()
@@ -313,10 +333,12 @@ def _collide(
         for k in range(_ROUNDS):
             if k == _ROUNDS // 2:
                 keep = 0.0  # no room in a crease: out, if not that far
-            inside = winding(x_skin, triangles, depth, dipoles, p[0], p[1], p[2]) > INSIDE
-            d2, nearest = _closest_outer(
+            d2, nearest, side = _closest_outer(
                 x_skin, triangles, depth, boxes, dipoles, state, k > 1, p, closest
             )
+            inside = side < 0
+            if side == 0:
+                inside = winding(x_skin, triangles, depth, dipoles, p[0], p[1], p[2]) > INSIDE
             far = np.sqrt(d2)
             if nearest < 0 or (not inside and far >= keep * (1.0 - 1e-6)):
                 break

@@ -24,9 +24,11 @@ GEOMETRY_KEYS: Mapping[str, tuple[str, ...]] = {
     "capsule": ("radius0", "radius1", "length"),
     "ellipsoid": ("radii",),
     "hull": ("vertices", "faces"),
+    "mesh": ("vertices", "triangles", "frame", "weight", "bind"),
     "frame": (),
 }
-"""Required geometry entries of the simple kinds [m]; a capsule runs from z = 0 to z = length."""
+"""Required geometry entries [m]; a capsule runs from z = 0 to z = length; for the mesh see
+`skinned_mesh`."""
 
 
 @dataclass(frozen=True, kw_only=True)

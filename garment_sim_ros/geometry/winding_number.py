@@ -12,7 +12,7 @@ from garment_sim_ros.geometry.jit import exact_kernel
 
 INSIDE = 0.5
 """The winding number from which a point is inside."""
-OUTER, BURIED, MIXED = 0, 1, 2
+UNKNOWN, OUTER, BURIED, MIXED = 0, 1, 2, 3
 _FAR = 2.5
 """A group of triangles this many of its radii away counts as one dipole."""
 _BESIDE = 1e-4
@@ -126,9 +126,9 @@ def is_buried(x, triangles, depth, dipoles, triangle, at):
 
 
 @exact_kernel()
-def find_buried(x, triangles, depth, dipoles, state):
-    """Whether triangles are `OUTER`, `BURIED` or `MIXED`, by their middles and corners."""
-    for t in range(triangles.shape[0]):
+def burial(x, triangles, depth, dipoles, state, t):
+    """Whether triangle t is `OUTER`, `BURIED` or `MIXED`, by its middle and corners; kept."""
+    if state[t] == UNKNOWN:
         middle = (x[triangles[t, 0]] + x[triangles[t, 1]] + x[triangles[t, 2]]) / 3.0
         buried = is_buried(x, triangles, depth, dipoles, triangles[t], middle)
         state[t] = BURIED if buried else OUTER
@@ -137,3 +137,4 @@ def find_buried(x, triangles, depth, dipoles, state):
             if is_buried(x, triangles, depth, dipoles, triangles[t], at) != buried:
                 state[t] = MIXED
                 break
+    return state[t]

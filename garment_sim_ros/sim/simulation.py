@@ -95,6 +95,8 @@ class Simulation:
         self._solver = SOLVERS[solver]
         self._motion = ColliderMotion(colliders)
         self._colliders = self._motion.state
+        if self._colliders.skin is not None and solver != "relaxation":
+            raise ParameterError("solver", f"found {solver!r}", "allowed with a mesh: relaxation")
         # Inner ones first: what lies on them then meets them where they are.
         self._worn = {g.name: self._wear(g) for g in sorted(garments, key=lambda g: g.layer)}
         self._under: dict[str, list[tuple[_Worn, LayerPair]]] = {

@@ -20,6 +20,7 @@ from garment_sim_ros.geometry.ellipsoid_refit import EllipsoidRefit
 from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.sim.earliest_contact import EarliestContact
 from garment_sim_ros.sim.model import ClothModel
+from garment_sim_ros.sim.skin_contact import SkinContact
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
@@ -103,6 +104,7 @@ class ColliderState:
         origin: World position that particle positions are relative to [m], shape [3].
         posed: The shapes posed for this step.
         refit: Those of them that change with the pose.
+        skin: The exact skin in the place of shapes; None without one.
     """
 
     shapes: PackedShapes
@@ -112,6 +114,7 @@ class ColliderState:
     origin: FloatArray
     posed: PosedShapes
     refit: EllipsoidRefit
+    skin: SkinContact | None = None
 
     @classmethod
     def of(cls, colliders: ColliderSet) -> "ColliderState":
@@ -121,6 +124,7 @@ class ColliderState:
             GeometryError: A collider that cannot be simulated.
         """
         shapes = pack(colliders)
+        has_skin = any(c.kind == "mesh" for c in colliders.colliders)
         return cls(
             shapes=shapes,
             start=ColliderPoses.identity(len(colliders)),
@@ -129,9 +133,12 @@ class ColliderState:
             origin=np.zeros(3),
             posed=PosedShapes.room_for(shapes),
             refit=EllipsoidRefit(colliders, shapes),
+            skin=SkinContact(colliders) if has_skin else None,
         )
 
     def pose(self) -> None:
         """Poses the shapes for the step from `start` to `end`."""
         pose(self.shapes, self.start, self.end, self.origin, self.posed)
         self.refit.pose(self.end, self.origin, self.shapes, self.posed)
+        if self.skin is not None:
+            self.skin.move(self.start, self.end, self.origin)

@@ -10,11 +10,19 @@ from garment_sim_ros.params import Environment, Material
 from garment_sim_ros.sim.simulation import Simulation
 
 _CORNERS = 0.1 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+_FACES = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
 _GEOMETRY: dict[str, dict[str, object]] = {
     "sphere": {"radius": 0.1},
     "capsule": {"radius0": 0.1, "radius1": 0.1, "length": 0.1},
     "ellipsoid": {"radii": np.full(3, 0.1)},
-    "hull": {"vertices": _CORNERS, "faces": [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]},
+    "hull": {"vertices": _CORNERS, "faces": _FACES},
+    "mesh": {
+        "vertices": _CORNERS,
+        "triangles": _FACES,
+        "frame": np.zeros((4, 1)),
+        "weight": np.ones((4, 1)),
+        "bind": np.eye(4)[None, :3],
+    },
 }
 
 
@@ -51,12 +59,16 @@ def warm_up(
         passed_by=(),
         layer=0,
     )
+    frame = Collider(name="frame", kind="frame", bone="bone")
     shape = Collider(name="shape", kind=kind, bone="bone", geometry=_GEOMETRY[kind])
     over: Any = SimpleNamespace(**{**vars(scrap), "name": "over", "layer": int(layers)})
     simulation = Simulation(
-        (scrap, over), ColliderSet(colliders=(shape,)), environment=environment, solver=solver
+        (scrap, over),
+        ColliderSet(colliders=(frame, shape)),
+        environment=environment,
+        solver=solver,
     )
-    poses = ColliderPoses.identity(1)
+    poses = ColliderPoses.identity(2)
     simulation.reset(poses)
     far = ColliderPoses(position=poses.position + 2.0, orientation=poses.orientation)
     simulation.advance(far, far)

@@ -69,8 +69,9 @@ def step(
         params.settings.sweeps,
     )
 
-    contacts = workspace.contacts
-    if params.settings.contact == "earliest":
+    contacts, carry = workspace.contacts, colliders.posed.carry
+    thickness = max(material.thickness, colliders.thickness)
+    if params.settings.contact == "earliest" and colliders.skin is None:
         if workspace.earliest is None:
             workspace.earliest = EarliestContact(colliders.shapes)
         # What the springs moved is velocity before the hit, not after it.
@@ -83,7 +84,7 @@ def step(
             x_start,
             x,
             v,
-            max(material.thickness, colliders.thickness),
+            thickness,
             material.friction,
             params.settings,
             dt,
@@ -91,16 +92,21 @@ def step(
         )
         measure_motion(v, workspace.motion)
         return
-    workspace.contact_count = collide(
-        colliders.shapes,
-        colliders.posed,
-        workspace.sides,
-        x,
-        x_start,
-        max(material.thickness, colliders.thickness),
-        material.friction,
-        contacts,
-    )
+    if colliders.skin is not None:
+        workspace.contact_count, carry = colliders.skin.meet(
+            x, x_start, thickness, material.friction, contacts
+        )
+    else:
+        workspace.contact_count = collide(
+            colliders.shapes,
+            colliders.posed,
+            workspace.sides,
+            x,
+            x_start,
+            thickness,
+            material.friction,
+            contacts,
+        )
     update_velocities(
         x,
         v,
@@ -108,7 +114,7 @@ def step(
         x_predicted,
         contacts.shape,
         contacts.normal,
-        colliders.posed.carry,
+        carry,
         h,
         workspace.motion,
     )
