@@ -17,6 +17,7 @@ from garment_sim_ros.colliders.capsules import fit_capsules, fit_spheres
 from garment_sim_ros.colliders.description import save_colliders
 from garment_sim_ros.colliders.ellipsoid_binding import fit_ellipsoids
 from garment_sim_ros.colliders.ellipsoids import segment_body
+from garment_sim_ros.colliders.exact_mesh import fit_mesh
 from garment_sim_ros.colliders.fit_report import fit_report
 from garment_sim_ros.colliders.hull_report import hull_report
 from garment_sim_ros.colliders.hulls import fit_hulls
@@ -39,7 +40,7 @@ _FRONT, _SIDE, _BACK = (2.5, 0.8, 0.2), (0.3, 2.6, 0.2), (-2.5, 0.8, 0.2)
 
 _CLIP_POSES = 30
 
-METHODS = ("capsule", "sphere", "ellipsoid", "hull", "auto")
+METHODS = ("capsule", "sphere", "ellipsoid", "hull", "auto", "mesh")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,7 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--method",
         choices=METHODS,
         default="hull",
-        help="kind of collider; auto: for each part the tightest at equal run-time cost",
+        help="kind of collider; auto: for each part the tightest at equal run-time cost; "
+        "mesh: the skin itself, exact and slow",
     )
     for title, settings in (
         ("of the methods hull and auto", HullSettings),
@@ -142,7 +144,8 @@ def _fit(body: Body, args: argparse.Namespace) -> tuple[ColliderSet, dict[str, A
             print(f"{name}: {part['chosen']} ({figures})")
         return mixed, {"auto": report}
     if args.method != "ellipsoid":
-        return {"capsule": fit_capsules, "sphere": fit_spheres}[args.method](body), {}
+        fits = {"capsule": fit_capsules, "sphere": fit_spheres, "mesh": fit_mesh}
+        return fits[args.method](body), {}
     values = {name: getattr(args, name) for name in declarations(EllipsoidSettings)}
     ellipsoids = validated(EllipsoidSettings, values | {"mu": " ".join(args.mu)})
     colliders, report = fit_ellipsoids(body, ellipsoids)
@@ -220,7 +223,7 @@ def _draw(body: Body, colliders: ColliderSet, path: Path) -> None:
     for collider, position, orientation in zip(
         colliders.colliders, poses.position, poses.orientation
     ):
-        if collider.kind != "frame":
+        if collider.kind not in ("frame", "mesh"):
             vertices, triangles = surface(collider)
             vertices = vertices @ matrix_from_quaternion(orientation).T + position
             color = colorsys.hsv_to_rgb(0.381966 * len(fitted) % 1.0, 0.6, 0.8)

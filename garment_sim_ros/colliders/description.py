@@ -15,6 +15,7 @@ import numpy as np
 from garment_sim_ros.errors import GeometryError, InputFileError, MessageError
 from garment_sim_ros.geometry.ellipsoid_refit import REFIT_KEYS, refit_entries
 from garment_sim_ros.geometry.shapes import KINDS, Collider, ColliderSet
+from garment_sim_ros.geometry.skinned_mesh import SkinnedMesh
 
 VERSION = 1
 MAX_TEXT = 64 * 2**20
@@ -80,6 +81,8 @@ def from_json(text: str) -> ColliderSet:
             thickness=_number(top["thickness"], "thickness", 0.0, 1.0),
             frame_id=_name(top["frame_id"], "frame_id"),
         )
+        if any(c.kind == "mesh" for c in colliders.colliders):
+            SkinnedMesh(colliders)
         refit_entries(colliders)
     except GeometryError as error:
         raise MessageError(_REASON, str(error)) from None
@@ -198,6 +201,7 @@ def _geometry(kind: str, geometry: dict[str, Any], what: str) -> Mapping[str, ob
         "capsule": {"radius0", "radius1", "length"},
         "ellipsoid": {"radii"},
         "hull": {"vertices", "faces"},
+        "mesh": {"vertices", "triangles", "frame", "weight", "bind"},
         "frame": set(),
     }
     if kind in simple:

@@ -25,6 +25,10 @@ _VOXEL = 0.01
 _INSIDE = 1e-4
 """A point of a surface this deep in another shape is not on the union's surface [m]."""
 _REACH = 10.0
+_FIGURES = (
+    *("collider_to_skin_mm_mean", "collider_to_skin_mm_p95", "collider_to_skin_mm_max"),
+    "volume_excess",
+)
 
 
 class Union:
@@ -100,6 +104,8 @@ def fatness(
         ``collider_to_skin_mm_mean``, ``_p95`` and ``_max`` over the union's surface, positive
         outside the skin; ``volume_excess``, the union's volume over the skin's, less one.
     """
+    if any(c.kind == "mesh" for c in colliders.colliders):  # the skin itself
+        return dict.fromkeys(_FIGURES, 0.0)
     union = Union(colliders, poses)
     distance = 1e3 * MeshDistance(skin, triangles).signed_distance(union.samples())[0]
     a, b, c = (skin - skin.mean(axis=0))[triangles].transpose(1, 0, 2)

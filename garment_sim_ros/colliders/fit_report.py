@@ -72,6 +72,8 @@ def skin_distance(body: Body, colliders: ColliderSet) -> FloatArray:
     """
     T_world_bone = np.asarray(np.linalg.inv(body.skin.T_bone_bind), np.float64)
     poses = ColliderPoser(colliders, body).poses(T_world_bone)
+    if any(c.kind == "mesh" for c in colliders.colliders):  # the skin itself
+        return np.zeros(len(body.skin.vertices))
     T_world_collider = transform_from(poses.position, poses.orientation)
     distance = np.full(len(body.skin.vertices), np.inf)
     for collider, T in zip(colliders.colliders, T_world_collider):

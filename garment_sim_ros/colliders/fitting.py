@@ -10,7 +10,8 @@ def fit_colliders(body: Body, options: ColliderOptions | None = None) -> Collide
 
     Args:
         body: Rig and skin.
-        options: Method and its settings; capsules and spheres take only `delta`.
+        options: Method and its settings; capsules and spheres take only `delta`,
+            the mesh none.
 
     Raises:
         GeometryError: The body cannot be fitted.
@@ -27,6 +28,10 @@ def fit_colliders(body: Body, options: ColliderOptions | None = None) -> Collide
         from garment_sim_ros.colliders.ellipsoid_binding import fit_ellipsoids
 
         return fit_ellipsoids(body, options, delta=delta, thickness=thickness)[0]
+    if options.method == "mesh":
+        from garment_sim_ros.colliders.exact_mesh import fit_mesh
+
+        return fit_mesh(body, thickness=thickness)
     from garment_sim_ros.colliders.capsules import fit_capsules, fit_spheres
 
     fit = fit_capsules if options.method == "capsules" else fit_spheres

@@ -1,0 +1,42 @@
+"""The skin itself as a collider: the yardstick of all others, and far too slow for real time."""
+
+import numpy as np
+
+from garment_sim_ros.body.major_bones import major_bones
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.shapes import Collider, ColliderSet
+
+
+def fit_mesh(body: Body, *, thickness: float = 0.002) -> ColliderSet:
+    """One collider of kind mesh, after a frame for each major bone and each that moves skin.
+
+    Args:
+        body: Rig and skin.
+        thickness: Distance that cloth keeps from the skin [m].
+
+    Raises:
+        GeometryError: The skin has no triangles.
+    """
+    skin = body.skin
+    if len(skin.triangles) == 0:
+        raise GeometryError(f"body {body.name!r} has no triangles to collide with")
+    moving = skin.bone[skin.weight > 0.0]
+    joints = np.union1d(major_bones(body).joint, moving)
+    names = [body.rig.joint_names[j] for j in joints]
+    number = np.zeros(len(body.rig), np.int32)
+    number[joints] = np.arange(len(joints))
+    mesh = Collider(
+        name="skin",
+        kind="mesh",
+        bone=names[0],
+        geometry={
+            "vertices": skin.vertices,
+            "triangles": skin.triangles,
+            "frame": np.where(skin.weight > 0.0, number[skin.bone], 0),
+            "weight": skin.weight,
+            "bind": skin.T_bone_bind[joints, :3],
+        },
+    )
+    frames = (Collider(name=f"frame_{name}", kind="frame", bone=name) for name in names)
+    return ColliderSet(colliders=(*frames, mesh), thickness=thickness)
