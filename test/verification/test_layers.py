@@ -15,6 +15,7 @@ from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.geometry.shapes import ColliderPoses
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import sample
+from garment_sim_ros.sim.layers import LayerPair
 from garment_sim_ros.sim.simulation import Simulation
 
 FRAME = 1 / 60
@@ -58,6 +59,19 @@ def test_what_is_put_on_over_it_does_not_displace_the_lower_sheet(cloth):
         simulation.reset(still)
         found.append(simulation.positions("under").copy())
     np.testing.assert_array_equal(*found)
+
+
+def test_what_lies_beyond_the_upper_sheet_may_turn_over_it(cloth):
+    """As a skirt's hem over a shirt: only what is near the upper sheet belongs under it."""
+    simulation = two_sheets(cloth, 0.005, (0, 1))
+    under, over = simulation.model("under"), simulation.model("over")
+    away = np.linalg.norm(under.rest[:, :2], axis=1)
+    for particle, belongs_under in ((np.argmin(away), True), (np.argmax(away), False)):
+        inner, outer = simulation.state("under").copy(), simulation.state("over").copy()
+        inner.x[particle] = [0.003, 0.001, 0.009]
+        touched = LayerPair(under, over).separate(inner, outer)
+        assert (touched > 0) == belongs_under
+        assert (inner.x[particle, 2] < 0.008) == belongs_under
 
 
 def test_equal_layers_do_not_meet(cloth):
