@@ -55,10 +55,15 @@ class MajorBones:
         return len(self.names)
 
 
-def major_bones(body: Body) -> MajorBones:
-    """The major bones of a body; every one carries skin, its own or of a joint it owns."""
+def major_bones(body: Body, *, also: tuple[str, ...] = ()) -> MajorBones:
+    """The major bones of a body; every one carries skin, its own or of a joint it owns.
+
+    Args:
+        body: Rig and skin.
+        also: Humanoid bones that are to be major besides `HUMAN_MAJOR`.
+    """
     carried = joint_areas(body.skin)
-    named = {body.rig.index(body.humanoid[b]) for b in HUMAN_MAJOR if b in body.humanoid}
+    named = {body.rig.index(body.humanoid[b]) for b in (*HUMAN_MAJOR, *also) if b in body.humanoid}
     if len(named) >= _MIN_HUMAN_BONES:
         origin = rest_transforms(body.rig)[:, :3, 3]
         chosen = {_end_of_ball_joint(j, named, body.rig.parent, origin, carried) for j in named}

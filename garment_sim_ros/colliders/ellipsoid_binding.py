@@ -28,7 +28,7 @@ from garment_sim_ros.params import EllipsoidSettings
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
-_ALSO = ("upperChest", "leftToes", "rightToes")
+_ALSO = ("leftToes", "rightToes")
 """Bones that are not major but bend far from the one above."""
 _SHARED = 0.8
 """An ellipsoid of which no bone carries this share lies at a joint."""

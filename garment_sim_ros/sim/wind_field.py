@@ -33,6 +33,10 @@ _HALF = np.float32(0.5)
 _QUARTER = np.float32(0.25)
 _THIRD = np.float32(1.0 / 3.0)
 _SLOW = np.float32(1e-9)
+_ZERO = np.float32(0.0)
+_BLOCK = 64
+_X, _Y, _Z, _U, _V, _W = (_BLOCK * row for row in range(6))
+"""Where the rows of a block begin: places [m] and air velocities [m/s]."""
 
 
 class WindField(NamedTuple):
@@ -123,6 +127,8 @@ class WindOnCloth:
             [turns * field.wave.T, np.zeros((1, len(field.phase))), field.amplitude.T]
         ).astype(np.float32)
         self._velocity = field.velocity.astype(np.float32)
+        self._gust = np.zeros((len(model), 3), np.float32)
+        self._rows = np.zeros(6 * _BLOCK, np.float32)
         self._pressure = np.array([field.drag, field.lift], np.float32) * np.float32(
             0.25 * AIR_DENSITY
         )
@@ -140,20 +146,62 @@ class WindOnCloth:
         # In double precision, far from the world's origin and late, too.
         turns = (f.wave @ origin - f.frequency * t + f.phase) / (2.0 * np.pi)
         self._waves[3] = turns - np.floor(turns)
+        if len(f.phase):
+            gusts(state.x, self._waves, self._rows, self._gust)
         blow(
             state.x,
             state.v,
             self._triangles,
             self._inverse_mass,
             self._velocity,
-            self._waves,
+            self._gust,
             self._pressure,
             np.float32(dt),
         )
 
 
 @kernel()
-def blow(x, v, triangles, inverse_mass, velocity, waves, pressure, dt):
+def gusts(x, waves, rows, gust):
+    """The air's noise at every particle.
+
+    Args:
+        x: Positions [m], shape [n, 3].
+        waves: Rows: wave vector [1/m], phase at the coordinates' origin [turns], amplitude [m/s];
+            shape [7, w].
+        rows: Scratch: one flat array, so that the compiler knows that rows do not overlap.
+        gust: Output [m/s], shape [n, 3].
+    """
+    n = x.shape[0]
+    for begin in range(0, n, _BLOCK):
+        for i in range(_BLOCK):
+            p = min(begin + i, n - 1)
+            rows[_X + i] = x[p, 0]
+            rows[_Y + i] = x[p, 1]
+            rows[_Z + i] = x[p, 2]
+            rows[_U + i] = _ZERO
+            rows[_V + i] = _ZERO
+            rows[_W + i] = _ZERO
+        for w in range(waves.shape[1]):
+            kx, ky, kz, phase = waves[0, w], waves[1, w], waves[2, w], waves[3, w]
+            ax, ay, az = waves[4, w], waves[5, w], waves[6, w]
+            for i in range(_BLOCK):
+                s = kx * rows[_X + i] + ky * rows[_Y + i] + kz * rows[_Z + i] + phase
+                # The cosine as a sine of the quarter turn next to it, in turns.
+                s = _QUARTER - abs(s - np.floor(s + _HALF))
+                r = s * s
+                s *= _S1 + r * (_S3 + r * (_S5 + r * (_S7 + r * _S9)))
+                rows[_U + i] += ax * s
+                rows[_V + i] += ay * s
+                rows[_W + i] += az * s
+        for p in range(begin, min(begin + _BLOCK, n)):
+            i = p - begin
+            gust[p, 0] = rows[_U + i]
+            gust[p, 1] = rows[_V + i]
+            gust[p, 2] = rows[_W + i]
+
+
+@kernel()
+def blow(x, v, triangles, inverse_mass, velocity, gust, pressure, dt):
     """Drag and lift of one step on every triangle.
 
     The drag of a triangle is limited so that it never turns its motion relative to the air round,
@@ -165,8 +213,8 @@ def blow(x, v, triangles, inverse_mass, velocity, waves, pressure, dt):
         triangles: Particles, shape [t, 3].
         inverse_mass: 0 for fixed particles [1/kg], shape [n].
         velocity: Of the steady wind [m/s], shape [3].
-        waves: Rows: wave vector [1/m], phase at the coordinates' origin [turns], amplitude [m/s];
-            shape [7, w].
+        gust: Noise on it at every particle [m/s]; a triangle takes the mean of its corners. Shape
+            [n, 3].
         pressure: A quarter of the air's density times the coefficients of drag and lift [kg/m^3],
             shape [2].
         dt: Step [s].
@@ -183,21 +231,20 @@ def blow(x, v, triangles, inverse_mass, velocity, waves, pressure, dt):
         if not doubled > 0.0 or not share > 0.0:
             continue
         nx, ny, nz = nx / doubled, ny / doubled, nz / doubled
-        ux = velocity[0] - (v[a, 0] + v[b, 0] + v[c, 0]) * _THIRD
-        uy = velocity[1] - (v[a, 1] + v[b, 1] + v[c, 1]) * _THIRD
-        uz = velocity[2] - (v[a, 2] + v[b, 2] + v[c, 2]) * _THIRD
-        mx = x[a, 0] + (ex + fx) * _THIRD
-        my = x[a, 1] + (ey + fy) * _THIRD
-        mz = x[a, 2] + (ez + fz) * _THIRD
-        for w in range(waves.shape[1]):
-            s = waves[0, w] * mx + waves[1, w] * my + waves[2, w] * mz + waves[3, w]
-            # The cosine as a sine of the quarter turn next to it, in turns.
-            s = _QUARTER - abs(s - np.floor(s + _HALF))
-            r = s * s
-            s *= _S1 + r * (_S3 + r * (_S5 + r * (_S7 + r * _S9)))
-            ux += waves[4, w] * s
-            uy += waves[5, w] * s
-            uz += waves[6, w] * s
+        ux, uy, uz = gust[a, 0] - v[a, 0], gust[a, 1] - v[a, 1], gust[a, 2] - v[a, 2]
+        ux, uy, uz = (
+            ux + gust[b, 0] - v[b, 0],
+            uy + gust[b, 1] - v[b, 1],
+            uz + gust[b, 2] - v[b, 2],
+        )
+        ux, uy, uz = (
+            ux + gust[c, 0] - v[c, 0],
+            uy + gust[c, 1] - v[c, 1],
+            uz + gust[c, 2] - v[c, 2],
+        )
+        ux = velocity[0] + ux * _THIRD
+        uy = velocity[1] + uy * _THIRD
+        uz = velocity[2] + uz * _THIRD
         speed = np.sqrt(ux * ux + uy * uy + uz * uz)
         if not speed > _SLOW:
             continue

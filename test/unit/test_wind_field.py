@@ -144,7 +144,7 @@ def naive_blow(f, x, v, triangles, inverse_mass, t, dt):
         a, b, c = corners
         n = np.cross(x[b] - x[a], x[c] - x[a])
         area, n = 0.5 * np.linalg.norm(n), n / np.linalg.norm(n)
-        u = air_velocity(f, x[corners].mean(axis=0)[None], t)[0] - v[corners].mean(axis=0)
+        u = air_velocity(f, x[corners], t).mean(axis=0) - v[corners].mean(axis=0)
         s = np.linalg.norm(u)
         cos = abs(u @ n) / s
         k = 0.5 * AIR_DENSITY * area * s * cos * f.drag
