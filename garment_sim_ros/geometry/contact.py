@@ -53,7 +53,8 @@ class Contacts(NamedTuple):
     Attributes:
         shape: Index of the deepest shape among m packed ones, -1 without contact, shape [n].
         normal: Its outward unit normal, set where there is contact, shape [n, 3].
-        depth: How deep the particle was in it [m], set where there is contact, shape [n].
+        depth: How deep the particle was in it [m], set where there is contact, infinite where a
+            shape on the other side presses it against that one, shape [n].
         near: Scratch: shapes near a block, shape [m + 1].
         distance: Scratch: distances of its particles to those [m], shape [m * BLOCK].
         found: Scratch: shapes near a particle, shape [m + 1].
@@ -316,6 +317,8 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
                         ny = my
                         nz = mz
                         depth = way
+                    else:
+                        depth = far
             if k < 0:
                 continue
             touching += 1

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.contact import Contacts, collide
 from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
-from garment_sim_ros.geometry.contact_sides import PASSING, UNDER, Sides
+from garment_sim_ros.geometry.contact_sides import OPPOSED, PASSING, UNDER, Sides
 from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.sim import naive
@@ -176,6 +176,23 @@ def test_points_between_closing_legs_are_held_halfway(gap):
     # No deeper in either leg than half of what they overlap.
     left = min(naive.deepest(shapes, p.astype(np.float64))[0] for p in out)
     assert left >= THICKNESS - 0.55 * squeeze
+
+
+def test_cloth_pressed_by_what_it_is_worn_on_elsewhere_is_marked_as_held():
+    """An arm in the side of a shirt: the point goes halfway, and must not fly off the chest."""
+    chest, arm = (
+        Collider(name="chest", kind="sphere", bone="b", geometry={"radius": 0.1}),
+        Collider(name="arm", kind="sphere", bone="b", geometry={"radius": 0.05}),
+    )
+    poses = ColliderPoses.identity(2)
+    poses.position[1, 0] = 0.14  # 1 cm inside each other
+    sides = Sides.of(np.zeros(2, np.int32), np.array([[UNDER, OPPOSED]]))
+    x = [[0.097, 0.0, 0.0], [0.0, 0.098, 0.0]]
+    out, contacts, _ = run(ColliderSet(colliders=(chest, arm)), poses, x, sides=sides)
+    assert np.isinf(contacts.depth[0])
+    assert np.isfinite(contacts.depth[1])
+    # Between the chest's surface and the arm's.
+    assert 0.09 - THICKNESS < out[0, 0] < 0.1 + THICKNESS
 
 
 def test_hand_brushes_cloth_but_never_drives_it_into_the_body():
