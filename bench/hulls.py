@@ -1,20 +1,19 @@
 """Convex-hull colliders: the figures of Sun et al. measured, and hulls against capsules.
 
-    python bench/hulls.py [--data DIR] [--parts fig8 queries fits clips contact] [--json]
+    python bench/hulls.py [--data DIR] [--parts fig8 queries fits clips] [--json]
 
 ``fig8``: a model like theirs (508 triangles, mean edge 0.084, hull of 224 faces), simplified at
 several deltas and floors, and its outer map of 96 cells. ``queries``: nanoseconds per point of the
 ways to ask a hull. ``fits``: how fat hulls and capsules are on all bodies. ``clips``: how far the
-posed skin leaves them. ``contact``: cost of a step of the dressed walk with either. Processor time
-of one thread, medians, after one warm-up.
+posed skin leaves them. Processor time of one thread, medians, after one warm-up. What collisions
+cost: `hull_contact.py`.
 """
 
 import argparse
-import itertools
 import json
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -35,13 +34,9 @@ from garment_sim_ros.colliders.hulls import fit_hulls
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.regions import vertex_areas
 from garment_sim_ros.errors import GarmentSimError
-from garment_sim_ros.garment.garment import Garment
-from garment_sim_ros.garment.outfit import load_outfit
-from garment_sim_ros.geometry.contact import Contacts, collide
 from garment_sim_ros.geometry.contact_distance import shape_distance
 from garment_sim_ros.geometry.contact_hull import hull_planes
 from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
-from garment_sim_ros.geometry.contact_sides import Sides
 from garment_sim_ros.geometry.hull_location import HullLocator
 from garment_sim_ros.geometry.obb import oriented_box
 from garment_sim_ros.geometry.outer_map import outer_map
@@ -50,8 +45,6 @@ from garment_sim_ros.geometry.transforms import invert_transform
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import sample
 from garment_sim_ros.params import HullSettings
-from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.solvers import relaxation
 
 BODIES = (
     "mannequin",
@@ -302,82 +295,6 @@ def clips(data: Path) -> dict[str, Any]:
     return results
 
 
-def walked(outfits: Sequence[Garment], colliders: ColliderSet, body: Body) -> dict[str, list[Any]]:
-    """What each garment brings to its collisions in 30 steps of the walk, after 1.5 s of it."""
-    clip = load_clip("walk")
-    poser, retargeter = ColliderPoser(colliders, body), Retargeter(clip.rig, body)
-    simulation = Simulation(outfits, colliders)
-    brought: dict[str, list[Any]] = {name: [] for name in simulation.names}
-    seen = itertools.cycle(simulation.names)
-
-    def note(shapes, posed, sides, x, x_start, thickness, friction, contacts):  # type: ignore[no-untyped-def]
-        if frame >= 90:
-            still = PosedShapes(*(a.copy() for a in posed))
-            step = (shapes, still, sides, x.copy(), x_start.copy(), thickness, friction)
-            brought[next(seen)].append(step)
-        return collide(shapes, posed, sides, x, x_start, thickness, friction, contacts)
-
-    relaxation.collide = note
-    start = poser.poses(retargeter.world_joints(sample(clip, 0.0))).copy()
-    frame = 0
-    simulation.reset(start)
-    for frame in range(100):
-        t = (frame + 1) / 60 % clip.duration
-        end = poser.poses(retargeter.world_joints(sample(clip, t))).copy()
-        simulation.advance(start, end, 1 / 60)
-        start = end
-    relaxation.collide = collide
-    return brought
-
-
-def again(steps: list[Any], times: int) -> float:
-    """Median milliseconds of those collisions, each particle doubled so many times."""
-    shapes, _, sides, x, *_ = steps[0]
-    rng = np.random.default_rng(0)
-    wide = Sides.of(np.repeat(np.arange(len(x)), times), sides.side.T)
-    contacts = Contacts.room_for(times * len(x), len(shapes.kind))
-    off = rng.normal(0, 0.003 if times > 1 else 0.0, (times * len(x), 3)).astype(np.float32)
-    took = []
-    for _, posed, _, x, x_start, thickness, friction in steps * 4:
-        work, before = np.repeat(x, times, axis=0) + off, np.repeat(x_start, times, axis=0)
-        begin = time.thread_time()
-        collide(shapes, posed, wide, work, before, thickness, friction, contacts)
-        took.append(time.thread_time() - begin)
-    return 1e3 * float(np.median(took[len(steps) :]))
-
-
-def contact() -> dict[str, Any]:
-    """Milliseconds of collision per step: T-shirt and skirt on the walking mannequin."""
-    results = {}
-    body = load_body("mannequin")
-    sets = collider_sets(body)
-    sets["14 hulls and spheres"] = fit_hulls(
-        body, HullSettings(merge=0.012, split=1.0, joints="spheres")
-    ).colliders
-    for faces in (40, 80, 160):
-        sets[f"hull, {faces} faces"] = fit_hulls(body, HullSettings(max_faces=faces)).colliders
-    outfits = load_outfit("tshirt_short_skirt", body).garments
-    for name, colliders in sets.items():
-        row = {}
-        for garment, steps in walked(outfits, colliders, body).items():
-            for times in (1, 10):
-                row[f"{garment} x {times}"] = again(steps, times)
-        row["both"] = sum(v for k, v in row.items() if k.endswith(" x 1"))
-        shapes, posed = steps[0][:2]
-        still = ColliderPoses.identity(len(colliders))
-        row["posing"] = 1e3 * median(
-            30, lambda s=shapes, p=still, q=posed: pose(s, p, p, np.zeros(3), q)
-        )
-        kinds = [c.kind for c in colliders.colliders]
-        results[name] = row
-        print(
-            f"{name} ({kinds.count('hull')} hulls, {kinds.count('sphere')} spheres, "
-            f"{kinds.count('capsule')} capsules): "
-            + "; ".join(f"{k} {v:.3f} ms" for k, v in row.items())
-        )
-    return results
-
-
 def main() -> None:
     """Measure what was asked for."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
@@ -389,7 +306,6 @@ def main() -> None:
         "queries": queries,
         "fits": lambda: fits(options.data),
         "clips": lambda: clips(options.data),
-        "contact": contact,
     }
     parser.add_argument("--parts", nargs="+", choices=parts, default=list(parts))
     parser.add_argument("--json", action="store_true", help="print one JSON object last")

@@ -1,0 +1,136 @@
+"""Hulls and capsules in contact: what collisions of the dressed walk cost.
+
+    python bench/hull_contact.py [--json]
+
+T-shirt and short skirt on the walking mannequin: what they bring to their collisions in 30 steps
+is collided again. Medians of processor time of one thread per step, for several collider sets, at
+1 and 10 times the particles, and with hulls of 40, 80 and 160 faces.
+"""
+
+import argparse
+import itertools
+import json
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.retargeting import Retargeter
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.colliders.hulls import fit_hulls
+from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.garment.garment import Garment
+from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.geometry.contact import Contacts, collide
+from garment_sim_ros.geometry.contact_shapes import PosedShapes, pose
+from garment_sim_ros.geometry.contact_sides import Sides
+from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.mocap.clips import load_clip
+from garment_sim_ros.mocap.sampling import sample
+from garment_sim_ros.params import HullSettings
+from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.solvers import relaxation
+
+sys.path.insert(0, str(Path(__file__).parent))
+from hulls import collider_sets, median
+
+
+def walked(outfits: Sequence[Garment], colliders: ColliderSet, body: Body) -> dict[str, list[Any]]:
+    """What each garment brings to its collisions in 30 steps of the walk, after 1.5 s of it."""
+    clip = load_clip("walk")
+    poser, retargeter = ColliderPoser(colliders, body), Retargeter(clip.rig, body)
+    simulation = Simulation(outfits, colliders)
+    brought: dict[str, list[Any]] = {name: [] for name in simulation.names}
+    seen = itertools.cycle(simulation.names)
+
+    def note(shapes, posed, sides, x, x_start, thickness, friction, contacts):  # type: ignore[no-untyped-def]
+        if frame >= 90:
+            still = PosedShapes(*(a.copy() for a in posed))
+            step = (shapes, still, sides, x.copy(), x_start.copy(), thickness, friction)
+            brought[next(seen)].append(step)
+        return collide(shapes, posed, sides, x, x_start, thickness, friction, contacts)
+
+    relaxation.collide = note
+    start = poser.poses(retargeter.world_joints(sample(clip, 0.0))).copy()
+    frame = 0
+    simulation.reset(start)
+    for frame in range(100):
+        t = (frame + 1) / 60 % clip.duration
+        end = poser.poses(retargeter.world_joints(sample(clip, t))).copy()
+        simulation.advance(start, end, 1 / 60)
+        start = end
+    relaxation.collide = collide
+    return brought
+
+
+def again(steps: list[Any], times: int) -> float:
+    """Median milliseconds of those collisions, each particle doubled so many times."""
+    shapes, _, sides, x, *_ = steps[0]
+    rng = np.random.default_rng(0)
+    wide = Sides.of(np.repeat(np.arange(len(x)), times), sides.side.T)
+    contacts = Contacts.room_for(times * len(x), len(shapes.kind))
+    off = rng.normal(0, 0.003 if times > 1 else 0.0, (times * len(x), 3)).astype(np.float32)
+    took = []
+    for _, posed, _, x, x_start, thickness, friction in steps * 4:
+        work, before = np.repeat(x, times, axis=0) + off, np.repeat(x_start, times, axis=0)
+        begin = time.thread_time()
+        collide(shapes, posed, wide, work, before, thickness, friction, contacts)
+        took.append(time.thread_time() - begin)
+    return 1e3 * float(np.median(took[len(steps) :]))
+
+
+def contact() -> dict[str, Any]:
+    """Milliseconds of collision per step: T-shirt and skirt on the walking mannequin."""
+    results = {}
+    body = load_body("mannequin")
+    sets = collider_sets(body)
+    sets["14 hulls and spheres"] = fit_hulls(
+        body, HullSettings(merge=0.012, split=1.0, joints="spheres")
+    ).colliders
+    for faces in (40, 80, 160):
+        sets[f"hull, {faces} faces"] = fit_hulls(body, HullSettings(max_faces=faces)).colliders
+    outfits = load_outfit("tshirt_short_skirt", body).garments
+    for name, colliders in sets.items():
+        row = {}
+        for garment, steps in walked(outfits, colliders, body).items():
+            for times in (1, 10):
+                row[f"{garment} x {times}"] = again(steps, times)
+        row["both"] = sum(v for k, v in row.items() if k.endswith(" x 1"))
+        shapes, posed = steps[0][:2]
+        still = ColliderPoses.identity(len(colliders))
+        row["posing"] = 1e3 * median(
+            30, lambda s=shapes, p=still, q=posed: pose(s, p, p, np.zeros(3), q)
+        )
+        kinds = [c.kind for c in colliders.colliders]
+        results[name] = row
+        print(
+            f"{name} ({kinds.count('hull')} hulls, {kinds.count('sphere')} spheres, "
+            f"{kinds.count('capsule')} capsules): "
+            + "; ".join(f"{k} {v:.3f} ms" for k, v in row.items())
+        )
+    return results
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--json", action="store_true", help="print one JSON object last")
+    options = parser.parse_args()
+    results = contact()
+    fine, coarse = results["hull, 160 faces"]["both"], results["hull, 80 faces"]["both"]
+    print(f"twice the faces: {fine / coarse:.2f} times the cost")
+    for garment in ("tshirt", "short_skirt"):
+        row = results["hull"]
+        if f"{garment} x 1" in row:
+            ratio = row[f"{garment} x 10"] / row[f"{garment} x 1"]
+            print(f"{garment}, 10 times the particles: {ratio:.1f} times the cost")
+    if options.json:
+        print(json.dumps(results))
+
+
+if __name__ == "__main__":
+    main()
