@@ -123,11 +123,10 @@ def main() -> None:
     results = contact()
     fine, coarse = results["hull, 160 faces"]["both"], results["hull, 80 faces"]["both"]
     print(f"twice the faces: {fine / coarse:.2f} times the cost")
-    for garment in ("tshirt", "short_skirt"):
-        row = results["hull"]
-        if f"{garment} x 1" in row:
-            ratio = row[f"{garment} x 10"] / row[f"{garment} x 1"]
-            print(f"{garment}, 10 times the particles: {ratio:.1f} times the cost")
+    row = results["hull"]
+    for name in [k.removesuffix(" x 1") for k in row if k.endswith(" x 1")]:
+        ratio = row[f"{name} x 10"] / row[f"{name} x 1"]
+        print(f"{name}, 10 times the particles: {ratio:.1f} times the cost")
     if options.json:
         print(json.dumps(results))
 
