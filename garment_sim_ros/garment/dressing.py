@@ -26,6 +26,7 @@ NONE = "none"
 
 _OFF_THE_BODY = 0.3  # median distance to the skin from which a garment is not on it [m]
 _DEEPEST = 0.03  # vertices deeper under the skin than this are not a fit of millimetres [m]
+_LEASH = 0.1  # how far a shirt may get from where it was put on [m]
 _CLEARANCE = 0.002  # where vertices under the skin are put [m]
 
 
@@ -49,6 +50,7 @@ def dressed(
     material: Material,
     attachments: str | Sequence[Attachment] = AUTOMATIC,
     colliders: ColliderSet | None = None,
+    max_distance: float | None = None,
 ) -> tuple[Garment, tuple[str, ...]]:
     """A mesh in its place on a body made a garment.
 
@@ -60,6 +62,8 @@ def dressed(
         attachments: "auto" (shoulders where it reaches them, else its highest open edge),
             "none", or a list.
         colliders: Where given, the garment is let out to fit over them.
+        max_distance: How far a vertex may be from where it would be as skin [m]; None: a tenth of
+            a metre, on a person of 1.65 m, for what hangs from the shoulders, else any distance.
 
     Returns:
         The garment, and what was repaired or assumed, one sentence each.
@@ -85,6 +89,8 @@ def dressed(
         pin_frame = np.full(len(pins), frame, dtype=np.int32)
     else:
         pins, pin_frame, binding = _listed_pins(name, mesh, measures, binding, attachments)
+    if max_distance is None and upper:
+        max_distance = _LEASH * measures.unit
     garment = Garment(
         name=name,
         vertices=mesh.vertices,
@@ -97,6 +103,7 @@ def dressed(
         pins=pins,
         pin_frame=pin_frame,
         passed_by=passed_by,
+        max_distance=None if max_distance is None else np.full(len(mesh.vertices), max_distance),
     )
     return garment, notes
 

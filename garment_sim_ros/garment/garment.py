@@ -37,6 +37,9 @@ class Garment:
         pin_frame: Index into `frames` that each pin rides on rigidly, shape [p].
         passed_by: Bones whose colliders only brush it from outside: a hand that swings along a
             skirt would else press it through the thigh.
+        layer: Garments with a higher number are worn over those with a lower one.
+        max_distance: How far each vertex may be from where it would be as skin [m], shape [v];
+            None where nothing holds it.
     """
 
     name: str
@@ -51,6 +54,7 @@ class Garment:
     pin_frame: IntArray
     passed_by: tuple[str, ...] = ()
     layer: int = 0
+    max_distance: FloatArray | None = None
 
     def __post_init__(self) -> None:
         v = len(self.vertices)

@@ -74,7 +74,8 @@ def _make(
         mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up, edge_length=o.edge_length)
     try:
         garment, notes = dressed(
-            entry.name, mesh, measures, entry.material, entry.attachments, colliders
+            *(entry.name, mesh, measures, entry.material, entry.attachments, colliders),
+            max_distance=entry.max_distance,
         )
     except GeometryError as error:
         if entry.mesh is None and isinstance(entry.attachments, str):

@@ -28,7 +28,10 @@ MAX_GARMENTS = 16
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _FILE_KEYS = ("version", "garments", "colliders")
-_GARMENT_KEYS = ("name", "generator", "options", "mesh", "material", "attachments", "layer", "mu")
+_GARMENT_KEYS = (
+    *("name", "generator", "options", "mesh", "material", "attachments"),
+    *("layer", "max_distance", "mu"),
+)
 _MAX_LAYER = 15
 
 
@@ -56,6 +59,8 @@ class GarmentEntry:
         attachments: "auto", "none", or a list.
         layer: Garments with a higher number are worn over those with a lower one; those with the
             same do not meet.
+        max_distance: How far a vertex may be from where it would be as skin [m]; None: what suits
+            the garment, see `dressed`.
         mu: Thresholds of the ellipsoids that it lies on, as `EllipsoidSettings.mu`.
     """
 
@@ -66,6 +71,7 @@ class GarmentEntry:
     material: Material
     attachments: str | tuple[Attachment, ...]
     layer: int = 0
+    max_distance: float | None = None
     mu: str = ""
 
 
@@ -217,6 +223,7 @@ def _garment(index: int, entry: object, folder: Path) -> GarmentEntry:
             material=material_from(values.get("material")),
             attachments=_attachments(values.get("attachments", AUTOMATIC)),
             layer=_layer(values.get("layer", 0)),
+            max_distance=_distance(values.get("max_distance")),
             mu=_thresholds(values.get("mu", "")),
         )
     except ParameterError as error:
@@ -229,6 +236,16 @@ def _layer(value: object) -> int:
             "layer", f"found {repr(value)[:60]}", f"allowed: a whole number, 0 to {_MAX_LAYER}"
         )
     return value
+
+
+def _distance(value: object) -> float | None:
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0.0:
+        raise ParameterError(
+            "max_distance", f"found {repr(value)[:60]}", "allowed: a number of metres above 0"
+        )
+    return float(value)
 
 
 def _thresholds(value: object) -> str:

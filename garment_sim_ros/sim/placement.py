@@ -66,6 +66,10 @@ class GarmentLike(Protocol):
     def passed_by(self) -> tuple[str, ...]:
         """Bones whose colliders only brush it from outside."""
 
+    @property
+    def max_distance(self) -> FloatArray | None:
+        """How far each vertex may be from where it would be as skin [m], shape [v]; or None."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Frames:

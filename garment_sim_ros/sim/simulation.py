@@ -19,6 +19,7 @@ from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.kernels.layers import measure_motion
 from garment_sim_ros.sim.kernels.motion import carry_pins, shift, to_file_order
 from garment_sim_ros.sim.layers import LayerPair
+from garment_sim_ros.sim.leash import Leash
 from garment_sim_ros.sim.model import ClothModel, Parameters, build_model
 from garment_sim_ros.sim.placement import Frames, GarmentLike, blend, find_frames, pin_positions
 from garment_sim_ros.sim.root_motion import TakenOut, take_along
@@ -44,6 +45,7 @@ class _Worn:
     good: State
     workspace: Workspace
     health: Health
+    leash: Leash | None
     x_world: SingleArray
     normal: SingleArray
 
@@ -137,6 +139,7 @@ class Simulation:
             good=state.copy(),
             workspace=workspace,
             health=Health(),
+            leash=None if garment.max_distance is None else Leash(garment, frames, model),
             x_world=np.zeros((len(model), 3), np.float32),
             normal=np.zeros((len(model), 3), np.float32),
         )
@@ -227,6 +230,8 @@ class Simulation:
             worn.state.assign(State.at(worn.model, x_world, colliders.origin))
             self._place_pins(worn)
             worn.good.assign(worn.state)
+            if worn.leash:
+                worn.leash.forget()
             for _, pair in self._under[worn.garment.name]:
                 pair.forget()
             worn.health.settling_steps = settle(
@@ -310,6 +315,8 @@ class Simulation:
         if self._wind:
             self._wind[worn.garment.name].blow(worn.state, self.origin, self.time, args[-1])
         self._solver.step(*args)
+        if worn.leash and worn.leash.hold(worn.state, self._colliders, args[-1]):
+            measure_motion(worn.state.v[: worn.model.free_count], worn.workspace.motion)
         for inner, pair in self._under[worn.garment.name]:
             if pair.separate(inner.state, worn.state, held=held):
                 for one in (inner, worn):

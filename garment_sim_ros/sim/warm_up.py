@@ -57,6 +57,7 @@ def warm_up(
         pins=np.zeros(1, np.int32),
         pin_frame=np.zeros(1, np.int32),
         passed_by=(),
+        max_distance=np.full(4, 1.0),
         layer=0,
     )
     frame = Collider(name="frame", kind="frame", bone="bone")

@@ -99,6 +99,12 @@ def test_options_material_and_attachments(tmp_path, body):
         (SKIRT.replace("_skirt}", "_skirt, options: [1]}"), "options: found [1]"),
         (SKIRT.replace("_skirt}", "_skirt, size: 38}"), "unknown key 'size'"),
         (SKIRT.replace("_skirt}", "_skirt, layer: 16}"), "layer: found 16; allowed: a whole"),
+        (
+            SKIRT.replace("_skirt}", "_skirt, max_distance: 0}"),
+            "max_distance: found 0; allowed: a",
+        ),
+        (SKIRT.replace("_skirt}", "_skirt, max_distance: far}"), "max_distance: found 'far'"),
+        (SKIRT.replace("_skirt}", "_skirt, max_distance: .nan}"), "max_distance: found nan"),
         (SKIRT.replace("_skirt}", "_skirt, layer: -1}"), "layer: found -1"),
         (SKIRT.replace("_skirt}", "_skirt, layer: true}"), "layer: found True"),
         (SKIRT.replace("_skirt}", "_skirt, layer: 0.5}"), "layer: found 0.5"),

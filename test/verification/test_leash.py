@@ -1,0 +1,137 @@
+"""How far cloth may be from where it would be as skin."""
+
+import dataclasses
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.geometry.transforms import matrix_from_quaternion
+from garment_sim_ros.params import Environment
+from garment_sim_ros.sim.leash import hold
+from garment_sim_ros.sim.placement import blend
+from garment_sim_ros.sim.simulation import Simulation
+
+WEIGHTLESS = Environment(gravity=(0.0, 0.0, 0.0))
+STEP = 1 / 180
+
+
+def sheet(cloth, limit, pins=()):
+    vertices, triangles = cloth.grid(6, 6)
+    garment = cloth.garment(vertices, triangles, pins)
+    return dataclasses.replace(garment, max_distance=np.full(len(vertices), limit))
+
+
+def at(position):
+    poses = ColliderPoses.identity(1)
+    poses.position[0] = position
+    return poses
+
+
+def test_a_falling_sheet_is_caught_at_its_distance(cloth):
+    garment = sheet(cloth, 0.05)
+    simulation = Simulation((garment,), cloth.colliders(), solver_step=STEP)
+    still = at([0.0, 0.0, 0.0])
+    simulation.state("cloth").v[:] = 0.0
+    heights = []
+    for _ in range(90):
+        simulation.advance(still, still)
+        heights.append(simulation.positions("cloth")[:, 2].copy())
+    fallen = garment.vertices[:, 2] - np.array(heights)
+    assert fallen.max() <= 0.05 + 1e-6
+    # Free fall until then, at rest afterwards.
+    n = np.arange(1, 91)
+    free = 9.81 * STEP**2 * n * (n + 1) / 2
+    assert fallen[free < 0.045].max(axis=1) == pytest.approx(free[free < 0.045], rel=1e-4)
+    assert fallen[-1] == pytest.approx(0.05, abs=1e-6)
+    assert np.abs(simulation.state("cloth").v).max() < 9.81 * STEP * 1.01
+
+
+@pytest.mark.parametrize("solver", ["relaxation", "xpbd"])
+def test_a_sheet_is_dragged_along_by_a_body_that_leaves(cloth, solver):
+    simulation = Simulation(
+        (sheet(cloth, 0.03),),
+        cloth.colliders(),
+        environment=WEIGHTLESS,
+        solver=solver,
+        solver_step=STEP,
+    )
+    path = [at([3.0 * n * STEP, 0.0, 0.0]) for n in range(181)]
+    simulation.reset(path[0])
+    for start, end in pairwise(path):
+        simulation.advance(start, end)
+    lag = path[-1].position[0, 0] - simulation.positions("cloth")[:, 0].mean()
+    # Taken along with the body's velocity and not kicked beyond it.
+    assert lag == pytest.approx(0.03, abs=1e-4)
+    assert simulation.state("cloth").v[:, 0] == pytest.approx(3.0, abs=0.01)
+
+
+def test_within_the_distance_nothing_acts(cloth):
+    pins = range(6)
+    plain = cloth.garment(*cloth.grid(6, 6), pins)
+    found = []
+    for garment in (plain, sheet(cloth, 10.0, pins)):
+        simulation = Simulation((garment,), cloth.colliders(), solver_step=STEP)
+        path = [at([0.1 * np.sin(0.1 * n), 0.0, 0.0]) for n in range(60)]
+        simulation.reset(path[0])
+        for start, end in pairwise(path):
+            simulation.advance(start, end)
+        found.append(simulation.positions("cloth").copy())
+    assert (found[0] == found[1]).all()
+
+
+def test_agrees_with_the_naive_twin():
+    random = np.random.default_rng(8)
+    n, frames = 40, 5
+    position, orientation = random.normal(size=(7, 3)), random.normal(size=(7, 4))
+    orientation /= np.linalg.norm(orientation, axis=1, keepdims=True)
+    origin = random.normal(size=3)
+    collider = np.array([3, 0, 6, 1, 2], np.int32)
+    local = random.normal(size=(n, 3, 3))
+    weight = random.dirichlet([1.0, 1.0, 1.0], n)
+    weight[::4] = [1.0, 0.0, 0.0]
+    index = random.integers(0, frames, (n, 3)).astype(np.int32)
+    R, t = matrix_from_quaternion(orientation)[collider], position[collider] - origin
+    carried = np.einsum("nkij,nkj->nki", R[index], local) + t[index]
+    target = np.einsum("nk,nki->ni", weight, carried)
+    x = (target + 0.3 * random.normal(size=(n, 3))).astype(np.float32)
+    v = random.normal(size=(n, 3)).astype(np.float32)
+    before = target + 0.01 * random.normal(size=(n, 3))
+    before[:5] = np.nan
+    limit = random.uniform(0.2, 0.6, n)
+
+    expected_x, expected_v = x.astype(float), v.astype(float)
+    for p in range(n):
+        away = expected_x[p] - target[p]
+        distance = np.linalg.norm(away)
+        if distance > limit[p]:
+            u = away / distance
+            expected_x[p] = target[p] + limit[p] * u
+            own = np.zeros(3) if np.isnan(before[p, 0]) else (target[p] - before[p]) / 0.01
+            expected_v[p] -= max((expected_v[p] - own) @ u, 0.0) * u
+    held = int((np.linalg.norm(x - target, axis=1) > limit).sum())
+    assert 5 < held < 35
+
+    weighted = np.concatenate([weight[..., None] * local, weight[..., None]], axis=2)
+    T, place = np.zeros((frames, 3, 4), np.float32), before.astype(np.float32)
+    single = [weighted.astype(np.float32), limit.astype(np.float32), place, np.float32(0.01)]
+    assert hold(x, v, position, orientation, origin, collider, T, index, *single) == held
+    np.testing.assert_allclose(x, expected_x, atol=2e-6)
+    np.testing.assert_allclose(v, expected_v, atol=2e-4)  # a difference of places over 10 ms
+    np.testing.assert_allclose(place, target, atol=2e-6)
+
+
+def test_the_middle_is_where_the_garment_would_be_put_on(cloth):
+    """The same rule as `blend`, which places garments."""
+    garment = sheet(cloth, 1e-6)
+    simulation = Simulation((garment,), cloth.colliders(), solver_step=STEP)
+    poses = at([0.4, -0.2, 1.0])
+    poses.orientation[0] = [0.0, np.sin(0.3), 0.0, np.cos(0.3)]
+    simulation.reset(poses)
+    simulation.advance(poses, poses)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = matrix_from_quaternion(poses.orientation[0]), poses.position[0]
+    expected = blend(SimpleNamespace(**vars(garment)), T[None])
+    assert simulation.positions("cloth") == pytest.approx(expected, abs=3e-6)
