@@ -1,4 +1,8 @@
-"""Records an avatar's topics into a rosbag2 (mcap) as the serialized bytes that arrive."""
+"""Records an avatar's topics into a rosbag2 (mcap) as the serialized bytes that arrive.
+
+Messages are asked for some times a second instead of waking `rclpy`'s executor each: that takes a
+third of a core for the topics of one avatar, which the nodes need.
+"""
 
 import importlib
 import queue
@@ -7,13 +11,12 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosbags.interfaces import (
     Connection,
@@ -33,7 +36,8 @@ _NAMES = frozenset(
         *("collider_poses", "collider_description", "collider_markers"),
     }
 )
-_DISCOVERY_PERIOD = 0.05  # [s]
+_LOOK_PERIOD = 0.02  # between two looks for messages [s]
+_DISCOVERY_PERIOD = 0.1  # between two looks for topics [s]
 _DEPTH = 1000  # arrived messages that may wait; the publishers' own depth is what they offer
 _FOREVER = QosTime(2147483647, 4294967295)
 
@@ -76,6 +80,8 @@ class Recorder:
             queue.SimpleQueue()
         )
         self._failure: BaseException | None = None
+        self._subscriptions: dict[str, Subscription] = {}
+        self._ended = threading.Event()
         self._name = name
 
     def __enter__(self) -> "Recorder":
@@ -84,11 +90,8 @@ class Recorder:
         # Ctrl-C belongs to the program, which then leaves this block.
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node(self._name, context=self._context)
-        self._node.create_timer(_DISCOVERY_PERIOD, self._discover)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
         self._threads = [
-            threading.Thread(target=self._spin, name="receive", daemon=True),
+            threading.Thread(target=self._receive, name="receive", daemon=True),
             threading.Thread(target=self._write, name="write", daemon=True),
         ]
         for thread in self._threads:
@@ -101,22 +104,43 @@ class Recorder:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        rclpy.shutdown(context=self._context)
+        self._ended.set()
         self._threads[0].join()
         self._node.destroy_node()
+        rclpy.shutdown(context=self._context)
         self._queue.put(None)
         self._threads[1].join()
         self._writer.close()
         if self._failure is not None and error is None:
             raise self._failure
 
-    def _spin(self) -> None:
+    def _receive(self) -> None:
+        discovered = 0.0
         try:
-            self._executor.spin()
-        except ExternalShutdownException:
-            pass
+            while not self._ended.wait(_LOOK_PERIOD):
+                now = time.monotonic()
+                if now - discovered >= _DISCOVERY_PERIOD:
+                    discovered = now
+                    self._discover()
+                self._take_all()
+            self._take_all()
         except BaseException as error:
             self._failure = error
+
+    def _take_all(self) -> None:
+        arrived: list[tuple[int, str, bytes]] = []
+        for topic, subscription in self._subscriptions.items():
+            handle, kind = subscription.handle, subscription.msg_type
+            with handle:
+                while (taken := handle.take_message(kind, True)) is not None:
+                    data, info = taken
+                    # When the middleware got it, not when it was asked for.
+                    arrived.append((info["received_timestamp"] or time.time_ns(), topic, data))
+        for stamp, topic, data in sorted(arrived, key=lambda message: message[0]):
+            self._queue.put((topic, stamp, data))
+            self.counts[topic] += 1
+            if topic.endswith("/points"):
+                self.first_cloth.set()
 
     def _write(self) -> None:
         # Only this thread touches the writer: it is not made for two at once.
@@ -157,19 +181,12 @@ class Recorder:
             durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
         )
         self._queue.put((topic, 0, _Topic(kind, _offered(profile))))
-        is_cloth = topic.endswith("/points")
-
-        def arrived(data: Any, info: dict[str, int]) -> None:
-            # When the middleware got it: this thread may come to it later.
-            self._queue.put((topic, info["received_timestamp"] or time.time_ns(), data))
-            self.counts[topic] += 1
-            if is_cloth:
-                self.first_cloth.set()
-
         package, _, message = kind.partition("/msg/")
         message_type = getattr(importlib.import_module(f"{package}.msg"), message)
-        callback: Any = arrived  # the declared type knows no message info
-        self._node.create_subscription(message_type, topic, callback, profile, raw=True)
+        # No executor spins this node: the callback is never called.
+        self._subscriptions[topic] = self._node.create_subscription(
+            message_type, topic, lambda data: None, profile, raw=True
+        )
 
 
 def _offered(profile: QoSProfile) -> Qos:
