@@ -36,7 +36,7 @@ from garment_sim_ros.ros.interfaces import (
 )
 from garment_sim_ros.ros.joint_channels import MISSING, UNKNOWN, JointChannels
 from garment_sim_ros.ros.lifecycle import ManagedNode, run
-from garment_sim_ros.ros.markers import collider_markers
+from garment_sim_ros.ros.markers import ColliderMarkers
 from garment_sim_ros.ros.progress import reporting
 from garment_sim_ros.ros.serialize import Poses, StampedPose
 from garment_sim_ros.ros.stamp_order import StampOrder
@@ -128,13 +128,15 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
             message=Poses(len(colliders), colliders.frame_id),
             hips=body.rig.index(hips),
         )
-        self._markers = collider_markers(colliders) if self.parameters.marker_rate else None
+        self._markers = ColliderMarkers(colliders) if self.parameters.marker_rate else None
         for note in body.notes:
             self.get_logger().info(f"{body.name}: {note}")
         shapes = sum(c.kind != "frame" for c in colliders.colliders)
         self.get_logger().info(f"{body.name}: {shapes} colliders on {len(body.rig)} joints")
         # Compiles what the callbacks will run.
-        self._avatar.poser.poses(np.tile(np.eye(4), (len(body.rig), 1, 1)))
+        poses = self._avatar.poser.poses(np.tile(np.eye(4), (len(body.rig), 1, 1)))
+        if self._markers is not None:
+            self._markers.fill(0, poses)
         if "hips" in body.humanoid:
             Retargeter(body.rig, body).world_joints(np.zeros(len(body.rig.dofs)))
 
@@ -225,7 +227,9 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         if self._markers is not None and self._markers_out.get_subscription_count():
             period = round(SECOND / self.parameters.marker_rate)
             if not self._next_markers - 2 * period < stamp < self._next_markers:
-                self._markers_out.publish(self._markers.fill(stamp, poses))
+                data = self._markers.fill(stamp, poses)
+                if data is not None:
+                    self._markers_out.publish(data)
                 self._next_markers = stamp + period
 
 

@@ -7,26 +7,59 @@ from visualization_msgs.msg import Marker
 
 from garment_sim_ros.colliders.surfaces import surface
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.shapes import Collider, ColliderSet
+from garment_sim_ros.geometry.ellipsoid_refit import refit_entries
+from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.geometry.transforms import quaternion_from_matrix
 from garment_sim_ros.ros.serialize import PosedMarkers
+from garment_sim_ros.sim.state import ColliderState
 
 _COLOUR = ColorRGBA(r=0.35, g=0.55, b=0.85, a=0.35)
 _DIRECTIONS = 60
 
 
-def collider_markers(colliders: ColliderSet) -> PosedMarkers | None:
-    """Markers of all shapes of a set, to be filled with poses; None where there are none."""
-    markers, index = [], []
-    for i, collider in enumerate(colliders.colliders):
-        marker = Marker(ns="colliders", id=i, action=Marker.ADD, color=_COLOUR)
-        marker.header.frame_id = colliders.frame_id
-        try:
-            _shape(marker, collider)
-        except GeometryError:
-            continue  # frames and others without a surface of their own
-        markers.append(marker)
-        index.append(i)
-    return PosedMarkers(markers, np.array(index, dtype=np.int32)) if markers else None
+class ColliderMarkers:
+    """Markers of all shapes of a set, to be filled with poses.
+
+    Args:
+        colliders: The set.
+    """
+
+    def __init__(self, colliders: ColliderSet) -> None:
+        markers, index = [], []
+        for i, collider in enumerate(colliders.colliders):
+            marker = Marker(ns="colliders", id=i, action=Marker.ADD, color=_COLOUR)
+            marker.header.frame_id = colliders.frame_id
+            try:
+                _shape(marker, collider)
+            except GeometryError:
+                continue  # frames and others without a surface of their own
+            markers.append(marker)
+            index.append(i)
+        self._message = PosedMarkers(markers, np.array(index, dtype=np.int32)) if markers else None
+        # Those that change with the pose: marker, collider, and shape of the posed set.
+        refit = set(refit_entries(colliders))
+        self._state = ColliderState.of(colliders) if refit else None
+        self._changing: list[tuple[int, int, int]] = []
+        if self._state is not None:
+            shape_of = {int(i): k for k, i in enumerate(self._state.shapes.collider)}
+            self._changing = [(m, i, shape_of[i]) for m, i in enumerate(index) if i in refit]
+
+    def fill(self, stamp: int, poses: ColliderPoses) -> bytes | None:
+        """The message at a time [ns]; None where there is nothing to see."""
+        if self._message is None:
+            return None
+        state = self._state
+        if state is not None:
+            for own in (state.start, state.end):
+                own.position[:] = poses.position
+                own.orientation[:] = poses.orientation
+            state.pose()
+            poses = state.end
+            for marker, i, k in self._changing:
+                poses.position[i] = state.posed.centre[k]
+                poses.orientation[i] = quaternion_from_matrix(state.posed.rotation[k])
+                self._message.scale[marker][:] = 2.0 * state.shapes.size[k, :3]
+        return self._message.fill(stamp, poses)
 
 
 def _shape(marker: Marker, collider: Collider) -> None:

@@ -29,6 +29,7 @@ IntArray = NDArray[np.int32]
 _MARK = b"\xa5"
 _STAMP_SIZE = 8
 _POSE_SIZE = 56
+_SCALE_SIZE = 24
 _MARKED_NUMBER = struct.unpack("<d", _MARK * 8)[0]
 _MARKED_TIME = Time(**dict(zip(("sec", "nanosec"), struct.unpack("<iI", _MARK * _STAMP_SIZE))))
 _SECOND = 1_000_000_000
@@ -201,24 +202,32 @@ class Joints(_Template):
 
 
 class PosedMarkers(_Template):
-    """MarkerArray of which only the stamps and poses change.
+    """MarkerArray of which only the stamps, poses and scales change.
 
     Args:
         markers: The markers; their stamps and poses are overwritten.
         index: Which of the poses given to `fill` each marker takes, shape [m].
+
+    Attributes:
+        scale: Scale of each marker, as given at first; may be written to, m arrays of shape [3].
     """
 
     def __init__(self, markers: Sequence[Marker], index: IntArray) -> None:
+        scales = [(m.scale.x, m.scale.y, m.scale.z) for m in markers]
         for marker in markers:
             marker.header.stamp = _MARKED_TIME
             marker.pose = _marked_pose()
+            marker.scale.x = marker.scale.y = marker.scale.z = _MARKED_NUMBER
         super().__init__(
-            MarkerArray(markers=list(markers)), (_STAMP_SIZE, _POSE_SIZE) * len(markers)
+            MarkerArray(markers=list(markers)),
+            (_STAMP_SIZE, _POSE_SIZE + _SCALE_SIZE) * len(markers),
         )
+        numbers = [self._numbers(2 * i + 1, np.float64, 10)[0] for i in range(len(markers))]
         self._index = index
-        self._marker_poses = [
-            self._numbers(2 * i + 1, np.float64, 7)[0] for i in range(len(markers))
-        ]
+        self._marker_poses = [n[:7] for n in numbers]
+        self.scale = [n[7:] for n in numbers]
+        for own, given in zip(self.scale, scales):
+            own[:] = given
 
     def fill(self, stamp: int, poses: ColliderPoses) -> bytes:
         """The message at a time [ns]."""
