@@ -19,6 +19,7 @@ from garment_sim_ros.geometry.contact_block import (
     ROWS,
     WHICH,
     capsule_distances,
+    ellipsoid_distances_if_any,
     hull_distances_if_any,
     keep_nearest,
     keep_nearest_by_side,
@@ -42,6 +43,7 @@ from garment_sim_ros.geometry.shapes import KINDS
 SingleArray = NDArray[np.float32]
 IntArray = NDArray[np.int32]
 
+_ELLIPSOID = KINDS.index("ellipsoid")
 _HULL = KINDS.index("hull")
 _ROUNDING = 1e-6
 """Error of a distance that is computed in one way or another, as a share of the coordinates."""
@@ -130,6 +132,8 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
                 hull_distances_if_any(shapes, posed, k, rim, block, contacts.cell, contacts.lane)
             else:
                 capsule_distances(shapes, posed, k, block)
+                if shapes.kind[k] == _ELLIPSOID:
+                    ellipsoid_distances_if_any(shapes, posed, k, block)
             if sides.mixed[begin // BLOCK, k]:
                 keep_nearest_by_side(k, sides.side, begin, block)
             else:
@@ -161,6 +165,28 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
                 if away == zero:
                     m = np.int64(block[WHICH + lane])
                     d, mx, my, mz = shape_distance(shapes, posed, m, px, py, pz, rim)
+                    if block[NEXT + lane] < min(d, rim):
+                        # What seemed the nearest by a bound is not: an ellipsoid.
+                        n = shapes_near_particle(
+                            sides.side, p, UNDER, near, count, distance, lane, rim, found, least
+                        )
+                        d, mx, my, mz, m = deepest_shape(
+                            shapes,
+                            posed,
+                            found,
+                            least,
+                            n,
+                            rounding,
+                            px,
+                            py,
+                            pz,
+                            rim,
+                            m,
+                            d,
+                            mx,
+                            my,
+                            mz,
+                        )
                 else:
                     n = shapes_on_side(
                         posed.box, sides.side, p, UNDER, px, py, pz, thickness, found, least

@@ -231,6 +231,56 @@ def _compiled_hull_distances_if_any(shapes, posed, k, thickness, block, cell, la
 
 
 @lean_kernel()
+def ellipsoid_distances(shapes, posed, k, block):
+    """Raises the lower bounds in `DISTANCE` that shape k, an ellipsoid, has of its capsule.
+
+    Scaled to a unit ball, a point at s from its centre is |s - 1| from it. No direction is
+    scaled to less than the shortest radius, nor to more than the longest.
+    """
+    one = np.float32(1.0)
+    cx = posed.centre[k, 0]
+    cy = posed.centre[k, 1]
+    cz = posed.centre[k, 2]
+    rx = shapes.radii[k, 0]
+    ry = shapes.radii[k, 1]
+    rz = shapes.radii[k, 2]
+    shortest = min(rx, ry, rz)
+    longest = max(rx, ry, rz)
+    u0 = posed.rotation[k, 0, 0] / rx
+    u1 = posed.rotation[k, 1, 0] / rx
+    u2 = posed.rotation[k, 2, 0] / rx
+    v0 = posed.rotation[k, 0, 1] / ry
+    v1 = posed.rotation[k, 1, 1] / ry
+    v2 = posed.rotation[k, 2, 1] / ry
+    w0 = posed.rotation[k, 0, 2] / rz
+    w1 = posed.rotation[k, 1, 2] / rz
+    w2 = posed.rotation[k, 2, 2] / rz
+    for p in range(BLOCK):
+        qx = block[X + p] - cx
+        qy = block[Y + p] - cy
+        qz = block[Z + p] - cz
+        u = u0 * qx + u1 * qy + u2 * qz
+        v = v0 * qx + v1 * qy + v2 * qz
+        w = w0 * qx + w1 * qy + w2 * qz
+        over = np.sqrt(u * u + v * v + w * w) - one
+        bound = over * (shortest if over > np.float32(0.0) else longest)
+        block[DISTANCE + p] = _higher(block[DISTANCE + p], bound)
+
+
+def ellipsoid_distances_if_any(shapes, posed, k, block):
+    """As `ellipsoid_distances`; nothing where ``shapes.radii`` is None."""
+    if shapes.radii is not None:
+        ellipsoid_distances(shapes, posed, k, block)
+
+
+@overload(ellipsoid_distances_if_any, inline="always")
+def _compiled_ellipsoid_distances_if_any(shapes, posed, k, block):
+    if isinstance(shapes.types[shapes.fields.index("radii")], types.NoneType):
+        return lambda shapes, posed, k, block: None
+    return lambda shapes, posed, k, block: ellipsoid_distances(shapes, posed, k, block)
+
+
+@lean_kernel()
 def keep_nearest(k, block):
     """Notes the distances to shape k, which is under all of a block."""
     which = np.float32(k)

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba import njit
 
 from garment_sim_ros.colliders.hull import convex_hull
 from garment_sim_ros.geometry.contact import Contacts, collide
+from garment_sim_ros.geometry.contact_distance import shape_distance
 from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
-from garment_sim_ros.geometry.contact_sides import Sides
+from garment_sim_ros.geometry.contact_sides import UNDER, Sides
 from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 
 THICKNESS = 0.003
@@ -105,6 +107,43 @@ def test_small_and_large_bodies_are_met_alike(seed, size):
     # Rounding decides on the brink between leaving and being pinched, here and there.
     assert (off > 1e-5).mean() <= 0.02
     assert (k != shape).mean() <= 0.02
+
+
+@njit
+def nearest_under(shapes, posed, side, x, nearest):
+    """Distance of each point to the nearest shape under it, each asked for by itself."""
+    for p in range(x.shape[0]):
+        for k in range(side.shape[0]):
+            if side[k, p] == UNDER:
+                d, _, _, _ = shape_distance(shapes, posed, k, x[p, 0], x[p, 1], x[p, 2], 9.0)
+                nearest[p] = min(nearest[p], d)
+
+
+@pytest.mark.parametrize("kinds", ["all", "ellipsoid"])
+@given(st.integers(0, 10**6))
+@settings(derandomize=True, deadline=None, max_examples=30)
+def test_no_contact_goes_unnoticed(kinds, seed):
+    """A bound may take one shape for the nearest where another one holds the point."""
+    shapes, start, end, x, x_start, row, side = scene(seed)
+    if kinds == "ellipsoid":
+        rng = np.random.default_rng(seed)
+        colliders = tuple(
+            Collider(
+                name=f"e{k}",
+                kind="ellipsoid",
+                bone="b",
+                geometry={"radii": rng.uniform([0.02, 0.02, 0.05], [0.1, 0.05, 0.3])},
+            )
+            for k in range(6)
+        )
+        shapes = pack(ColliderSet(colliders=colliders))
+    _, shape, _ = meet(shapes, start, end, x, x_start, row, side, THICKNESS)
+    posed = PosedShapes.room_for(shapes)
+    pose(shapes, start, end, np.zeros(3), posed)
+    x = np.ascontiguousarray(x, np.float32)
+    nearest = np.full(len(x), np.inf, np.float32)
+    nearest_under(shapes, posed, Sides.of(row, side).side, x, nearest)
+    assert (shape[nearest < THICKNESS - 1e-6] >= 0).all()
 
 
 def test_repeated_passes_give_the_same_bits():
