@@ -48,9 +48,13 @@ def nearest_on_ellipsoid(px, py, pz, rx, ry, rz):
     Returns:
         The point, and the unit normal there.
     """
-    ax = max(abs(px), rx * _NUDGE)
-    ay = max(abs(py), ry * _NUDGE)
-    az = max(abs(pz), rz * _NUDGE)
+    # Literals are float64, and so would be all that follows.
+    one = np.float32(1.0)
+    zero = np.float32(0.0)
+    nudge = np.float32(_NUDGE)
+    ax = max(abs(px), rx * nudge)
+    ay = max(abs(py), ry * nudge)
+    az = max(abs(pz), rz * nudge)
     x2 = rx * rx
     y2 = ry * ry
     z2 = rz * rz
@@ -77,19 +81,19 @@ def nearest_on_ellipsoid(px, py, pz, rx, ry, rz):
         ez *= ez
         total = ex + ey + ez
         length = np.sqrt(total)
-        step = (length - 1.0) * total / (ex / dx + ey / dy + ez / dz)
+        step = (length - one) * total / (ex / dx + ey / dy + ez / dz)
         t = max(lowest, t + step)
-        if abs(length - 1.0) < 3e-4:  # squared by the step just made
+        if abs(length - one) < np.float32(3e-4):  # squared by the step just made
             break
     gx = ax / (t + x2)
     gy = ay / (t + y2)
     gz = az / (t + z2)
     # Radially onto the surface, for what the last step has left.
-    k = 1.0 / np.sqrt(gx * gx * x2 + gy * gy * y2 + gz * gz * z2)
-    gx = gx * k if px >= 0.0 else -gx * k
-    gy = gy * k if py >= 0.0 else -gy * k
-    gz = gz * k if pz >= 0.0 else -gz * k
-    n = 1.0 / np.sqrt(gx * gx + gy * gy + gz * gz)
+    k = one / np.sqrt(gx * gx * x2 + gy * gy * y2 + gz * gz * z2)
+    gx = gx * k if px >= zero else -gx * k
+    gy = gy * k if py >= zero else -gy * k
+    gz = gz * k if pz >= zero else -gz * k
+    n = one / np.sqrt(gx * gx + gy * gy + gz * gz)
     return gx * x2, gy * y2, gz * z2, gx * n, gy * n, gz * n
 
 
