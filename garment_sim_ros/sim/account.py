@@ -31,6 +31,10 @@ def account(simulation: Simulation) -> dict[str, Any]:
         f"contact on {shapes} colliders": _unless(bool(kinds), "there are no shapes"),
         "friction": _unless(friction, "no material has any"),
         "contact between layers": _unless(len(layers) > 1, "all garments are in one layer"),
+        "a farthest distance from skin": _unless(
+            any(simulation.is_held(name) for name in simulation.names),
+            "no garment has a max_distance",
+        ),
         "drag of air, still or a steady wind": _unless(
             any(simulation.model(n).material.air_drag > 0.0 for n in simulation.names),
             "no material has air drag",

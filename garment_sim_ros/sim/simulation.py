@@ -183,6 +183,10 @@ class Simulation:
         """The layer that a garment is worn in."""
         return self._worn[name].garment.layer
 
+    def is_held(self, name: str) -> bool:
+        """Whether a garment is kept near to where it would be as skin."""
+        return self._worn[name].leash is not None
+
     def health(self, name: str) -> Health:
         """Counts and readings of a garment."""
         return self._worn[name].health

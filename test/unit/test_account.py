@@ -40,7 +40,10 @@ def test_what_a_scene_does_not_ask_for_is_left_out_with_a_reason(cloth):
 def test_what_a_scene_asks_for_is_modelled(cloth):
     windy = Environment(wind_drag=1.2, gust=2.0, root_linear_inertia=0.5)
     found = told(cloth, BALL, environment=windy, layer=1, friction=0.3, air_drag=0.1)
-    assert effects(found, "leaves_out") == {"cloth against itself", "all of the body's own motion"}
+    assert effects(found, "leaves_out") == {
+        *("cloth against itself", "all of the body's own motion"),
+        "a farthest distance from skin",
+    }
     assert "contact on 1 sphere colliders" in found["models"]
 
 
@@ -59,3 +62,5 @@ def test_the_command_tells_the_same(capsys):
     found = json.loads(last)
     assert set(in_words(found)) <= set(lines)
     assert found["garments"]["skirt"]["shapes_passing"] > 0
+    # The shirt's.
+    assert "a farthest distance from skin" in found["models"]
