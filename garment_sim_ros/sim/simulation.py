@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -16,38 +15,21 @@ from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.params import Environment, RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.collider_motion import ColliderMotion
 from garment_sim_ros.sim.health import Health
-from garment_sim_ros.sim.kernels.layers import measure_motion
-from garment_sim_ros.sim.kernels.motion import carry_pins, shift, to_file_order
+from garment_sim_ros.sim.kernels.motion import shift, to_file_order
 from garment_sim_ros.sim.layers import LayerPair
 from garment_sim_ros.sim.leash import Leash
-from garment_sim_ros.sim.model import ClothModel, Parameters, build_model
-from garment_sim_ros.sim.placement import Frames, GarmentLike, blend, find_frames, pin_positions
+from garment_sim_ros.sim.model import ClothModel, Parameters
+from garment_sim_ros.sim.placement import GarmentLike, blend
 from garment_sim_ros.sim.root_motion import TakenOut, take_along
 from garment_sim_ros.sim.settle import settle
-from garment_sim_ros.sim.sides import shape_sides
 from garment_sim_ros.sim.solvers import SOLVERS
-from garment_sim_ros.sim.state import State, Workspace
+from garment_sim_ros.sim.state import State
 from garment_sim_ros.sim.wind_field import WindOnCloth, wind_field
+from garment_sim_ros.sim.worn import Worn
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 IntArray = NDArray[np.int32]
-
-
-@dataclass(kw_only=True)
-class _Worn:
-    """One garment with all that belongs to it."""
-
-    garment: GarmentLike
-    frames: Frames
-    model: ClothModel
-    state: State
-    good: State
-    workspace: Workspace
-    health: Health
-    leash: Leash | None
-    x_world: SingleArray
-    normal: SingleArray
 
 
 class Simulation:
@@ -100,8 +82,11 @@ class Simulation:
         if self._colliders.skin is not None and solver != "relaxation":
             raise ParameterError("solver", f"found {solver!r}", "allowed with a mesh: relaxation")
         # Inner ones first: what lies on them then meets them where they are.
-        self._worn = {g.name: self._wear(g) for g in sorted(garments, key=lambda g: g.layer)}
-        self._under: dict[str, list[tuple[_Worn, LayerPair]]] = {
+        self._worn = {
+            g.name: Worn.on(g, colliders, self._colliders, self._solver)
+            for g in sorted(garments, key=lambda g: g.layer)
+        }
+        self._under: dict[str, list[tuple[Worn, LayerPair]]] = {
             outer.garment.name: [
                 (inner, LayerPair(inner.model, outer.model))
                 for inner in self._worn.values()
@@ -113,35 +98,6 @@ class Simulation:
         self.parameters = Parameters(
             environment=environment or Environment(),
             settings=settings or SOLVERS[solver].settings(),
-        )
-
-    def _wear(self, garment: GarmentLike) -> _Worn:
-        frames = find_frames(garment.name, garment.frames, self.collider_set)
-        pin_frame = np.asarray(garment.pin_frame, dtype=np.int32)
-        model = build_model(
-            garment.name,
-            garment.vertices,
-            garment.triangles,
-            garment.material,
-            pins=garment.pins,
-            pin_collider=frames.collider[pin_frame],
-            pin_position=pin_positions(garment, frames),
-        )
-        state = State.at(model, garment.vertices, self._colliders.origin)
-        workspace = self._solver.workspace(model, len(self._colliders.shapes.kind))
-        row, side = shape_sides(garment, self.collider_set, self._colliders.shapes)
-        workspace.sides = Sides.of(row[model.vertex[: model.free_count]], side)
-        return _Worn(
-            garment=garment,
-            frames=frames,
-            model=model,
-            state=state,
-            good=state.copy(),
-            workspace=workspace,
-            health=Health(),
-            leash=None if garment.max_distance is None else Leash(garment, frames, model),
-            x_world=np.zeros((len(model), 3), np.float32),
-            normal=np.zeros((len(model), 3), np.float32),
         )
 
     @property
@@ -185,7 +141,7 @@ class Simulation:
 
     def is_held(self, name: str) -> bool:
         """Whether a garment is kept near to where it would be as skin."""
-        return self._worn[name].leash is not None
+        return any(isinstance(c, Leash) for c in self._worn[name].constraints)
 
     def health(self, name: str) -> Health:
         """Counts and readings of a garment."""
@@ -231,11 +187,7 @@ class Simulation:
         self._motion.stand(poses)
         for worn in self._worn.values():
             x_world = blend(worn.garment, worn.frames.world(poses))
-            worn.state.assign(State.at(worn.model, x_world, colliders.origin))
-            self._place_pins(worn)
-            worn.good.assign(worn.state)
-            if worn.leash:
-                worn.leash.forget()
+            worn.place(x_world, colliders)
             for _, pair in self._under[worn.garment.name]:
                 pair.forget()
             worn.health.settling_steps = settle(
@@ -247,7 +199,7 @@ class Simulation:
                 worn.workspace,
                 self.solver_step,
             )
-            self._watch(worn)
+            worn.watch()
 
     def carry(self, poses_start: ColliderPoses, poses_end: ColliderPoses) -> None:
         """Takes all garments along on a way of the body that is not simulated.
@@ -312,19 +264,18 @@ class Simulation:
                 worn.health.steps += 1
             self.time += dt / steps
         for worn in self._worn.values():
-            self._watch(worn)
+            worn.watch()
 
-    def _step(self, worn: _Worn, *args: Any, held: bool = False) -> None:
+    def _step(self, worn: Worn, *args: Any, held: bool = False) -> None:
         """The solver's step for one garment, and its layer's place over those under it."""
         if self._wind:
             self._wind[worn.garment.name].blow(worn.state, self.origin, self.time, args[-1])
         self._solver.step(*args)
-        if worn.leash and worn.leash.hold(worn.state, self._colliders, args[-1]):
-            measure_motion(worn.state.v[: worn.model.free_count], worn.workspace.motion)
+        worn.hold(self._colliders, args[-1])
         for inner, pair in self._under[worn.garment.name]:
             if pair.separate(inner.state, worn.state, held=held):
-                for one in (inner, worn):
-                    measure_motion(one.state.v[: one.model.free_count], one.workspace.motion)
+                inner.measure()
+                worn.measure()
 
     def _follow(self, poses: ColliderPoses) -> None:
         """Moves the local origin after the body."""
@@ -345,32 +296,3 @@ class Simulation:
             take_along(
                 worn.state.x, worn.state.v, colliders.origin, taken.pivot, taken.turn, taken.way
             )
-
-    def _place_pins(self, worn: _Worn) -> None:
-        """Puts pinned particles where their colliders are, at rest."""
-        free, c = worn.model.free_count, self._colliders
-        carry_pins(
-            worn.state.x[free:],
-            worn.state.v[free:],
-            worn.model.pin_collider,
-            worn.model.pin_position,
-            c.end.position,
-            c.end.orientation,
-            c.origin,
-            np.float32(1.0),
-        )
-        worn.state.v[free:] = 0.0
-
-    def _watch(self, worn: _Worn) -> None:
-        """Keeps a finite state as the last good one; puts back a state that is not finite."""
-        total, fastest = worn.workspace.motion
-        health = worn.health
-        if math.isfinite(total):
-            worn.good.assign(worn.state)
-            health.contacts = worn.workspace.contact_count
-            health.rms_speed = math.sqrt(total / max(worn.model.free_count, 1))
-            health.max_speed = math.sqrt(fastest)
-        else:
-            worn.state.assign(worn.good)
-            worn.state.v[:] = 0.0
-            health.resets += 1
