@@ -71,38 +71,45 @@ def solve_edges(x, particles, edges):
 
 
 @kernel()
-def solve_edges_again(x, particles, edges, pull):
-    """One further pass, which takes the multipliers so far into account.
+def solve_edges_apart(x, moved, particles, edges, pull, alone):
+    """A pass that is more exact and slower: alone, or one of several that add up.
+
+    What edges move is kept apart from the positions: a movement of less than half a unit in the
+    last place of a coordinate counts all the same. Rounding each of many small movements to whole
+    units instead would be velocity out of nothing, the more the shorter the sub-step.
 
     `pull` holds, for each edge, compliance times multiplier over rest length: the f at which the
     force applied so far is the spring's own, but for the factor 1 - f that turns l into d.
 
     Args:
-        x: Positions, changed in place, flat [m], shape [3 n].
+        x: Positions before the first pass, flat [m], shape [3 n].
+        moved: What edges have moved since, zero before the first pass, changed in place, [3 n].
         particles: Ends, flat, unsigned, shape [2 m].
         edges: From `prepare_edges`, shape [m, 4].
         pull: Multipliers, zero before the first pass, changed in place, shape [m].
+        alone: Whether there is one pass only; it needs no multipliers.
     """
     for e in range(edges.shape[0]):
         i = _THREE * np.uint64(particles[2 * e])
         j = _THREE * np.uint64(particles[2 * e + 1])
-        ix, iy, iz = x[i], x[i + _ONE], x[i + _TWO]
-        jx, jy, jz = x[j], x[j + _ONE], x[j + _TWO]
-        dx = ix - jx
-        dy = iy - jy
-        dz = iz - jz
+        ix, iy, iz = moved[i], moved[i + _ONE], moved[i + _TWO]
+        jx, jy, jz = moved[j], moved[j + _ONE], moved[j + _TWO]
+        dx = (x[i] - x[j]) + (ix - jx)
+        dy = (x[i + _ONE] - x[j + _ONE]) + (iy - jy)
+        dz = (x[i + _TWO] - x[j + _TWO]) + (iz - jz)
         squared = dx * dx + dy * dy + dz * dz + np.float32(1e-20)
         rest = edges[e, 0]
         over = squared - rest
         f = (over + over) / (rest + np.float32(3.0) * squared)
-        shrink = np.float32(1.0) - f
-        f -= pull[e] * shrink
-        pull[e] += edges[e, 3] * f / shrink
+        if not alone:
+            shrink = np.float32(1.0) - f
+            f -= pull[e] * shrink
+            pull[e] += edges[e, 3] * f / shrink
         a = edges[e, 1] * f
         b = edges[e, 2] * f
-        x[i] = ix - a * dx
-        x[i + _ONE] = iy - a * dy
-        x[i + _TWO] = iz - a * dz
-        x[j] = jx + b * dx
-        x[j + _ONE] = jy + b * dy
-        x[j + _TWO] = jz + b * dz
+        moved[i] = ix - a * dx
+        moved[i + _ONE] = iy - a * dy
+        moved[i + _TWO] = iz - a * dz
+        moved[j] = jx + b * dx
+        moved[j + _ONE] = jy + b * dy
+        moved[j + _TWO] = jz + b * dz

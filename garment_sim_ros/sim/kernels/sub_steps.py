@@ -7,9 +7,14 @@ from garment_sim_ros.geometry.contact_shapes import pose_shapes
 from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.sim.kernels.bending import bend
-from garment_sim_ros.sim.kernels.edges import solve_edges, solve_edges_again
+from garment_sim_ros.sim.kernels.edges import solve_edges, solve_edges_apart
 from garment_sim_ros.sim.kernels.motion import carry_pins
 from garment_sim_ros.sim.kernels.planes import remember_planes, stop_at_contacts, touch_planes
+
+_SHORT = np.float32(6e-4)
+"""In a shorter sub-step [s] a coordinate's last place is too much velocity to round to."""
+_SLOW = 0.03
+"""So it is in any sub-step where cloth moves less than this, on average [m/s]."""
 
 
 @kernel()
@@ -49,6 +54,14 @@ def gain(x, v, x_predicted, rate):
     """Adds to velocities what constraints moved, over the sub-step; flat arrays [3 n]."""
     for i in range(v.size):
         v[i] += (x[i] - x_predicted[i]) * rate
+
+
+@kernel()
+def gain_apart(x, v, moved, rate):
+    """The same where the movement was kept apart, which is now added to the positions."""
+    for i in range(v.size):
+        v[i] += moved[i] * rate
+        x[i] += moved[i]
 
 
 @kernel()
@@ -124,6 +137,8 @@ def run_sub_steps(
     flat = x.reshape(-1)
     loose = 3 * free
     touching = 0
+    # Written so that a motion that is not known counts as none.
+    hurried = iterations == 1 and dt > _SHORT and motion[0] > free * _SLOW**2
     still = same_poses(start[0], start[1], end[0], end[1])
     if still:
         pose_shapes(shapes, end[0], end[1], end[0], end[1], origin, scratch, posed)
@@ -177,18 +192,23 @@ def run_sub_steps(
         carry_pins(
             x[free:], v[free:], pin_collider, pin_position, to_position, to_orientation, origin, dt
         )
-        if iterations == 1:
+        if hurried:
             solve_edges(flat, cloth.edge_particles, cloth.edges)
+            gain(
+                flat[:loose],
+                v.reshape(-1)[:loose],
+                x_predicted.reshape(-1)[:loose],
+                np.float32(1.0) / dt,
+            )
         else:
+            moved = x_predicted.reshape(-1)
+            moved[:] = np.float32(0.0)
             cloth.pull[:] = np.float32(0.0)
             for _ in range(iterations):
-                solve_edges_again(flat, cloth.edge_particles, cloth.edges, cloth.pull)
-        gain(
-            flat[:loose],
-            v.reshape(-1)[:loose],
-            x_predicted.reshape(-1)[:loose],
-            np.float32(1.0) / dt,
-        )
+                solve_edges_apart(
+                    flat, moved, cloth.edge_particles, cloth.edges, cloth.pull, iterations == 1
+                )
+            gain_apart(flat[:loose], v.reshape(-1)[:loose], moved[:loose], np.float32(1.0) / dt)
         if (s + 1) % bending_every != 0 and (s > 0 or known):
             touch_planes(
                 x[:free],
