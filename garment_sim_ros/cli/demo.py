@@ -110,7 +110,10 @@ def _table(summary: dict[str, Any]) -> str:
         ),
         ("gap to the skin", f"{_number(s['gap_mm_median'])} mm (median)"),
         ("stretch", f"p95 {_percent(s['strain_p95'])}, largest {_percent(s['strain_max'])}"),
-        ("finite, resets", f"{'yes' if s['finite'] else 'NO'}, {s['resets']}"),
+        (
+            "finite, resets, mended",
+            f"{'yes' if s['finite'] else 'NO'}, {s['resets']}, {s['recovered']}",
+        ),
     ]
     rows += [
         (

@@ -131,6 +131,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             missing = COLLIDER_DESCRIPTION if stepper is None else COLLIDER_POSES
             text = f"waits for {missing.name}" if self.state == "active" else self.state
             return Condition(text=text, well=self.state != "active")
+        health = [stepper.simulation.health(name) for name in stepper.simulation.names]
         return Condition(
             text="paused" if self._paused else "simulates",
             values={
@@ -138,6 +139,9 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
                 "late_frames": self._late_frames,
                 "step_ms": self._step_ms,
                 "resets": stepper.resets,
+                "garments_put_back": sum(h.resets for h in health),
+                "particles_recovered": sum(h.recovered for h in health),
+                "particles_held": sum(h.held for h in health),
                 "teleports": stepper.teleports,
                 "skipped_s": stepper.skipped / SECOND,
                 "input_period_ms": 1e3 * stepper.period / SECOND,

@@ -96,8 +96,11 @@ class GarmentQuality:
             "rms_speed": health.rms_speed,
             "max_speed": health.max_speed,
             "resets": health.resets + resets,
+            "recovered": health.recovered,
+            "held": health.held,
         }
-        return status(self._name, values.items(), well=health.resets == 0)
+        well = health.resets == 0 and health.recovered == 0
+        return status(self._name, values.items(), well=well)
 
 
 def warm_up() -> None:

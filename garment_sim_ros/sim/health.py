@@ -9,7 +9,10 @@ class Health:
 
     Attributes:
         steps: Solver steps taken.
-        resets: Times it was put back to its last good state because it was not finite.
+        resets: Times it was put back to its last good state because too much of it was not
+            finite, or absurdly far away or fast.
+        recovered: Particles that were, and were put back among their neighbours.
+        held: Free particles that a limit held in the last step: farthest distance from skin.
         settling_steps: Steps that the last `reset` took to settle.
         contacts: Free particles in contact in the last step.
         rms_speed: RMS speed of free particles after the last step [m/s].
@@ -18,6 +21,8 @@ class Health:
 
     steps: int = 0
     resets: int = 0
+    recovered: int = 0
+    held: int = 0
     settling_steps: int = 0
     contacts: int = 0
     rms_speed: float = 0.0

@@ -199,7 +199,7 @@ class Simulation:
                 worn.workspace,
                 self.solver_step,
             )
-            worn.watch()
+            worn.watch(colliders, self.solver_step)
 
     def carry(self, poses_start: ColliderPoses, poses_end: ColliderPoses) -> None:
         """Takes all garments along on a way of the body that is not simulated.
@@ -219,11 +219,8 @@ class Simulation:
         self._follow(poses_start)
         for worn in self._worn.values():
             start, end = (worn.frames.world(p) for p in (poses_start, poses_end))
-            moved = blend(worn.garment, end - start)
-            worn.state.x += moved[worn.model.vertex].astype(np.float32)
+            worn.carry(blend(worn.garment, end - start))
         self._follow(poses_end)
-        for worn in self._worn.values():
-            worn.good.assign(worn.state)
 
     def advance(
         self, poses_start: ColliderPoses, poses_end: ColliderPoses, dt: float | None = None
@@ -264,10 +261,11 @@ class Simulation:
                 worn.health.steps += 1
             self.time += dt / steps
         for worn in self._worn.values():
-            worn.watch()
+            worn.watch(self._colliders, dt / steps)
 
     def _step(self, worn: Worn, *args: Any, held: bool = False) -> None:
         """The solver's step for one garment, and its layer's place over those under it."""
+        worn.begin(args[-1])
         if self._wind:
             self._wind[worn.garment.name].blow(worn.state, self.origin, self.time, args[-1])
         self._solver.step(*args)

@@ -14,7 +14,14 @@ from garment_sim_ros.sim.kernels.layers import measure_motion
 from garment_sim_ros.sim.kernels.motion import carry_pins
 from garment_sim_ros.sim.leash import Leash
 from garment_sim_ros.sim.model import ClothModel, build_model
-from garment_sim_ros.sim.placement import Frames, GarmentLike, find_frames, pin_positions
+from garment_sim_ros.sim.placement import (
+    Frames,
+    GarmentLike,
+    blend,
+    find_frames,
+    pin_positions,
+)
+from garment_sim_ros.sim.recovery import Recovery
 from garment_sim_ros.sim.sides import shape_sides
 from garment_sim_ros.sim.solvers import Solver
 from garment_sim_ros.sim.state import ColliderState, State, Workspace
@@ -44,7 +51,8 @@ class Worn:
         frames: The frames that it rides on.
         model: Its particles and springs.
         state: Its motion.
-        good: The last state that was finite.
+        good: Its motion when the last step began, of which every particle is good.
+        recovery: Mends what is not.
         workspace: Scratch arrays of the solver.
         health: Counts and readings.
         constraints: What holds it after each step; only what the garment asks for.
@@ -57,6 +65,7 @@ class Worn:
     model: ClothModel
     state: State
     good: State
+    recovery: Recovery
     workspace: Workspace
     health: Health
     constraints: tuple[Constraint, ...]
@@ -98,6 +107,7 @@ class Worn:
             model=model,
             state=state,
             good=state.copy(),
+            recovery=Recovery(model),
             workspace=workspace,
             health=Health(),
             constraints=_constraints(garment, frames, model),
@@ -105,13 +115,41 @@ class Worn:
             normal=np.zeros((len(model), 3), np.float32),
         )
 
+    def begin(self, dt: float) -> None:
+        """Sees to it that a step of dt [s] begins with good particles only, and keeps them."""
+        if not self.recovery.keep(self.state, self.good, dt):
+            self._mend(dt)
+            self.good.assign(self.state)
+
     def hold(self, colliders: ColliderState, dt: float) -> None:
-        """Lets all constraints act, after a step of dt [s]."""
+        """Sees to it that a step of dt [s] ended well, and lets all constraints act."""
+        self.check(dt)
         held = 0
         for constraint in self.constraints:
             held += constraint.hold(self.state, colliders, dt)
+        self.health.held = held
         if held:
             self.measure()
+
+    def check(self, dt: float) -> None:
+        """Mends what a step of dt [s] broke, as the motion that it measured tells."""
+        if not self.recovery.is_believed(self.workspace.motion, dt):
+            self._mend(dt)
+
+    def _mend(self, dt: float) -> None:
+        mended = self.recovery.mend(self.state, self.good, dt)
+        if mended < 0:
+            self.health.resets += 1
+            for constraint in self.constraints:
+                constraint.forget()
+        else:
+            self.health.recovered += mended
+        self.measure()
+
+    def carry(self, moved: FloatArray) -> None:
+        """Takes the garment along, each vertex by its own way [m], shape [v, 3]."""
+        for state in (self.state, self.good):
+            state.x += moved[self.model.vertex].astype(np.float32)
 
     def measure(self) -> None:
         """Measures the motion again, where something else than the solver changed it."""
@@ -141,19 +179,18 @@ class Worn:
         for constraint in self.constraints:
             constraint.forget()
 
-    def watch(self) -> None:
-        """Keeps a finite state as the last good one; puts back a state that is not finite."""
-        total, fastest = self.workspace.motion
+    def watch(self, colliders: ColliderState, dt: float) -> None:
+        """Takes readings after the last of several steps of dt [s]; mends what layers broke."""
+        self.check(dt)
         health = self.health
-        if math.isfinite(total):
-            self.good.assign(self.state)
-            health.contacts = self.workspace.contact_count
-            health.rms_speed = math.sqrt(total / max(self.model.free_count, 1))
-            health.max_speed = math.sqrt(fastest)
-        else:
-            self.state.assign(self.good)
-            self.state.v[:] = 0.0
+        if self.recovery.is_lost(self.state, self.workspace.motion, dt):
+            self.place(blend(self.garment, self.frames.world(colliders.end)), colliders)
+            self.measure()
             health.resets += 1
+        total, fastest = self.workspace.motion
+        health.contacts = self.workspace.contact_count
+        health.rms_speed = math.sqrt(total / max(self.model.free_count, 1))
+        health.max_speed = math.sqrt(fastest)
 
 
 def _constraints(

@@ -59,6 +59,7 @@ def summarize(
     step = np.concatenate(
         [keys["step_ms"] for keys in recording.quality.values() if "step_ms" in keys]
     )
+    recovered = [k["recovered"][-1] for k in recording.quality.values() if "recovered" in k]
     resets = [keys["resets"] for keys in recording.quality.values() if "resets" in keys]
     result = meter.result()
     result["finite"] = all(t.finite for t in recording.garments.values())
@@ -70,6 +71,7 @@ def summarize(
         "step_ms_p95": round(float(np.percentile(step, 95.0)), 4),
         **result,
         "resets": int(max(r[-1] for r in resets)),
+        "recovered": int(sum(recovered)),
         "measured_frames": measured,
         "garments": {g.name: _garment(g) for g in garments},
     }

@@ -179,21 +179,6 @@ def test_time_is_divided_into_steps_and_poses_are_interpolated(cloth):
     assert simulation.health("cloth").steps == 4
 
 
-def test_a_garment_that_is_not_finite_goes_back_to_its_last_good_state(flag):
-    _, simulation = flag
-    still = posed([0.0, 0.0, 0.0], 0.0, 2)
-    simulation.reset(still)
-    simulation.advance(still, still)
-    good = simulation.positions("cloth").copy()
-    simulation.state("cloth").x[5] = np.nan
-    simulation.advance(still, still)
-    assert (simulation.positions("cloth") == good).all()
-    assert simulation.health("cloth").resets == 1
-    simulation.advance(still, still)
-    assert np.isfinite(simulation.positions("cloth")).all()
-    assert simulation.health("cloth").resets == 1
-
-
 def test_local_origin_follows_the_body_without_a_trace(cloth):
     """The same fall 0 m and 1,000 m away along the same way of the body."""
     vertices, triangles = cloth.grid(6, 6)
