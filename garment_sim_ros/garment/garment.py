@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.params import Material
+from garment_sim_ros.sim.placement import SoftAttachments
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -40,6 +41,9 @@ class Garment:
         layer: Garments with a higher number are worn over those with a lower one.
         max_distance: How far each vertex may be from where it would be as skin [m], shape [v];
             None where nothing holds it.
+        soft: Springs to places on its frames; None without.
+        tethers: Part of its way over the cloth that a vertex may be farther away from its pins;
+            None where nothing holds it.
     """
 
     name: str
@@ -55,6 +59,8 @@ class Garment:
     passed_by: tuple[str, ...] = ()
     layer: int = 0
     max_distance: FloatArray | None = None
+    soft: SoftAttachments | None = None
+    tethers: float | None = None
 
     def __post_init__(self) -> None:
         v = len(self.vertices)

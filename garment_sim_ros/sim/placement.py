@@ -15,6 +15,23 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 
+@dataclass(frozen=True, kw_only=True)
+class SoftAttachments:
+    """Springs between vertices and their places on frames.
+
+    Attributes:
+        vertices: Different vertices, none of them pinned, shape [s].
+        frame: The frame of the garment that each one's place rides on, shape [s].
+        stiffness: Force per distance from there [N/m], shape [s].
+        damping: Force per speed relative to it [N s/m], shape [s].
+    """
+
+    vertices: IntArray
+    frame: IntArray
+    stiffness: FloatArray
+    damping: FloatArray
+
+
 class GarmentLike(Protocol):
     """What the simulation reads of a garment, as in `garment.garment.Garment`."""
 
@@ -70,6 +87,14 @@ class GarmentLike(Protocol):
     def max_distance(self) -> FloatArray | None:
         """How far each vertex may be from where it would be as skin [m], shape [v]; or None."""
 
+    @property
+    def soft(self) -> SoftAttachments | None:
+        """Springs to places on its frames; or None."""
+
+    @property
+    def tethers(self) -> float | None:
+        """Part of its way over the cloth that a vertex may be farther from its pins; or None."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Frames:
@@ -117,11 +142,13 @@ def find_frames(garment: str, names: tuple[str, ...], colliders: ColliderSet) ->
     return Frames(collider=np.array(index, dtype=np.int32), T_collider_frame=T)
 
 
-def pin_positions(garment: GarmentLike, frames: Frames) -> FloatArray:
-    """Positions of pinned vertices in the frames of the colliders they ride on [m], [p, 3]."""
+def places_in_frames(
+    garment: GarmentLike, frames: Frames, vertices: IntArray, frame: IntArray
+) -> FloatArray:
+    """Vertices [p] at rest in the colliders that carry their frames [p] [m], shape [p, 3]."""
     to_frame = invert_transform(garment.T_world_frame_rest)
-    T = (frames.T_collider_frame @ to_frame)[garment.pin_frame]
-    x = np.asarray(garment.vertices, dtype=np.float64)[garment.pins]
+    T = (frames.T_collider_frame @ to_frame)[frame]
+    x = np.asarray(garment.vertices, dtype=np.float64)[vertices]
     return np.einsum("pij,pj->pi", T[:, :3, :3], x) + T[:, :3, 3]
 
 

@@ -18,6 +18,7 @@ from garment_sim_ros.geometry.contact_shapes import PackedShapes, PosedShapes, p
 from garment_sim_ros.geometry.contact_sides import Sides
 from garment_sim_ros.geometry.ellipsoid_refit import EllipsoidRefit
 from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.sim.attached import Attached
 from garment_sim_ros.sim.earliest_contact import EarliestContact
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.skin_contact import SkinContact
@@ -64,6 +65,7 @@ class Workspace:
         push: Velocity that outer forces add in a step [m/s], shape [3].
         contacts: Contacts of the free particles in the last step.
         contact_count: Number of free particles in contact in the last step.
+        attached: Tethers and soft attachments.
         earliest: Scratch of contact by the earliest hit; None until a step needs it.
         motion: Sum of squared speeds and highest squared speed after the last step [m^2/s^2],
             shape [2]; not finite as soon as any velocity is.
@@ -76,6 +78,7 @@ class Workspace:
     sides: Sides
     contact_count: int
     motion: FloatArray
+    attached: Attached
     earliest: EarliestContact | None = None
 
     @classmethod
@@ -89,6 +92,7 @@ class Workspace:
             sides=Sides.all_under(model.free_count, shapes),
             contact_count=0,
             motion=np.zeros(2),
+            attached=Attached.none(),
         )
 
 

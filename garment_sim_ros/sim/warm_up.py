@@ -58,6 +58,8 @@ def warm_up(
         pin_frame=np.zeros(1, np.int32),
         passed_by=(),
         max_distance=np.full(4, 1.0),
+        tethers=1.0,
+        soft=None,
         layer=0,
     )
     frame = Collider(name="frame", kind="frame", bone="bone")

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.geometry.contact_sides import Sides
 from garment_sim_ros.geometry.shapes import ColliderSet
+from garment_sim_ros.sim.attaching import attached_to, hold_after_step
 from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.kernels.layers import measure_motion
 from garment_sim_ros.sim.kernels.motion import carry_pins
@@ -19,7 +20,7 @@ from garment_sim_ros.sim.placement import (
     GarmentLike,
     blend,
     find_frames,
-    pin_positions,
+    places_in_frames,
 )
 from garment_sim_ros.sim.recovery import Recovery
 from garment_sim_ros.sim.sides import shape_sides
@@ -56,6 +57,7 @@ class Worn:
         workspace: Scratch arrays of the solver.
         health: Counts and readings.
         constraints: What holds it after each step; only what the garment asks for.
+        attaches: Whether the solver lets the workspace's `attached` act.
         x_world: World positions of its vertices in file order [m], shape [v, 3].
         normal: Their unit normals, shape [v, 3].
     """
@@ -69,6 +71,7 @@ class Worn:
     workspace: Workspace
     health: Health
     constraints: tuple[Constraint, ...]
+    attaches: bool
     x_world: SingleArray
     normal: SingleArray
 
@@ -95,11 +98,12 @@ class Worn:
             garment.material,
             pins=garment.pins,
             pin_collider=frames.collider[np.asarray(garment.pin_frame, dtype=np.int32)],
-            pin_position=pin_positions(garment, frames),
+            pin_position=places_in_frames(garment, frames, garment.pins, garment.pin_frame),
         )
         state = State.at(model, garment.vertices, colliders.origin)
         workspace = by.workspace(model, len(colliders.shapes.kind))
         row, side = shape_sides(garment, collider_set, colliders.shapes)
+        workspace.attached = attached_to(garment, frames, model)
         workspace.sides = Sides.of(row[model.vertex[: model.free_count]], side)
         return cls(
             garment=garment,
@@ -111,6 +115,7 @@ class Worn:
             workspace=workspace,
             health=Health(),
             constraints=_constraints(garment, frames, model),
+            attaches=by.attaches,
             x_world=np.zeros((len(model), 3), np.float32),
             normal=np.zeros((len(model), 3), np.float32),
         )
@@ -125,6 +130,11 @@ class Worn:
         """Sees to it that a step of dt [s] ended well, and lets all constraints act."""
         self.check(dt)
         held = 0
+        attached = self.workspace.attached
+        if attached.is_anything:
+            if not self.attaches:
+                hold_after_step(attached, self.state, colliders, self.workspace.x_start, dt)
+            held += int(attached.held[0])
         for constraint in self.constraints:
             held += constraint.hold(self.state, colliders, dt)
         self.health.held = held
@@ -140,11 +150,15 @@ class Worn:
         mended = self.recovery.mend(self.state, self.good, dt)
         if mended < 0:
             self.health.resets += 1
-            for constraint in self.constraints:
-                constraint.forget()
+            self._forget()
         else:
             self.health.recovered += mended
         self.measure()
+
+    def _forget(self) -> None:
+        self.workspace.attached.forget()
+        for constraint in self.constraints:
+            constraint.forget()
 
     def carry(self, moved: FloatArray) -> None:
         """Takes the garment along, each vertex by its own way [m], shape [v, 3]."""
@@ -176,8 +190,7 @@ class Worn:
         )
         self.state.v[free:] = 0.0
         self.good.assign(self.state)
-        for constraint in self.constraints:
-            constraint.forget()
+        self._forget()
 
     def watch(self, colliders: ColliderState, dt: float) -> None:
         """Takes readings after the last of several steps of dt [s]; mends what layers broke."""

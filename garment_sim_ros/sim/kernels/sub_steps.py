@@ -6,6 +6,7 @@ from garment_sim_ros.geometry.contact import collide_particles
 from garment_sim_ros.geometry.contact_shapes import pose_shapes
 from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.geometry.transforms import interpolate_poses
+from garment_sim_ros.sim.kernels.attached import pull_attached
 from garment_sim_ros.sim.kernels.bending import bend
 from garment_sim_ros.sim.kernels.edges import solve_edges, solve_edges_apart
 from garment_sim_ros.sim.kernels.motion import carry_pins
@@ -72,6 +73,7 @@ def run_sub_steps(
     x_start,
     x_predicted,
     cloth,
+    attached,
     pin_collider,
     pin_position,
     shapes,
@@ -105,6 +107,7 @@ def run_sub_steps(
         x_start: Scratch, shape [n, 3].
         x_predicted: Scratch, shape [n, 3].
         cloth: `solvers.xpbd.Prepared` edges and hinges.
+        attached: `attached.Attached`.
         pin_collider: Collider that each pin rides on, shape [p].
         pin_position: Its place in that collider's frame [m], shape [p, 3].
         shapes: Packed shapes.
@@ -209,6 +212,18 @@ def run_sub_steps(
                     flat, moved, cloth.edge_particles, cloth.edges, cloth.pull, iterations == 1
                 )
             gain_apart(flat[:loose], v.reshape(-1)[:loose], moved[:loose], np.float32(1.0) / dt)
+        pull_attached(
+            x,
+            v,
+            x_start,
+            attached,
+            to_position,
+            to_orientation,
+            origin,
+            keep,
+            dt,
+            np.float32(1.0) / dt,
+        )
         if (s + 1) % bending_every != 0 and (s > 0 or known):
             touch_planes(
                 x[:free],

@@ -19,17 +19,27 @@ class Solver:
         step: ``step(model, collider_state, params, state, workspace, dt)``.
         workspace: Makes the scratch arrays that its step needs for a model and a number of shapes.
         settings: Its group of numerical parameters.
+        attaches: Whether its step lets `Workspace.attached` act; else that does after the step.
     """
 
     step: Step
     workspace: Callable[[ClothModel, int], Workspace]
     settings: type
+    attaches: bool = False
 
 
 SOLVERS: Mapping[str, Solver] = {
     "relaxation": Solver(
-        step=relaxation.step, workspace=Workspace.room_for, settings=RelaxationSettings
+        step=relaxation.step,
+        workspace=Workspace.room_for,
+        settings=RelaxationSettings,
+        attaches=True,
     ),
-    "xpbd": Solver(step=xpbd.step, workspace=xpbd.XpbdWorkspace.room_for, settings=XpbdSettings),
+    "xpbd": Solver(
+        step=xpbd.step,
+        workspace=xpbd.XpbdWorkspace.room_for,
+        settings=XpbdSettings,
+        attaches=True,
+    ),
 }
 """Solvers by name."""

@@ -25,8 +25,8 @@ def step(
 ) -> None:
     """Advances one garment by one step.
 
-    Outer forces and Verlet, pins, `sweeps` passes over all springs, collision as an absolute
-    constraint, velocities. Does not allocate arrays.
+    Outer forces and Verlet, pins, `sweeps` passes over all springs, tethers and soft attachments,
+    collision as an absolute constraint, velocities. Does not allocate arrays.
 
     Args:
         model: The garment.
@@ -68,6 +68,13 @@ def step(
         springs.share,
         params.settings.sweeps,
     )
+    if workspace.attached.is_anything:
+        workspace.attached.pull(
+            *(state.x, state.v, workspace.x_start, colliders.end, colliders.origin),
+            keep=keep,
+            dt=dt,
+            rate=0.0,
+        )
 
     contacts, carry = workspace.contacts, colliders.posed.carry
     thickness = max(material.thickness, colliders.thickness)

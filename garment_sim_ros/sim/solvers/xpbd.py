@@ -189,6 +189,7 @@ def step(
         workspace.x_start,
         workspace.x_predicted,
         workspace.prepared,
+        workspace.attached,
         model.pin_collider,
         model.pin_position,
         colliders.shapes,
