@@ -17,6 +17,7 @@ from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.params import Material
+from garment_sim_ros.sim.placement import SoftAttachments
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -32,15 +33,54 @@ _CLEARANCE = 0.002  # where vertices under the skin are put [m]
 
 @dataclass(frozen=True, kw_only=True)
 class Attachment:
-    """Vertices that ride rigidly on one bone.
+    """Vertices that ride on one bone.
 
     Attributes:
         bone: Joint name, or humanoid bone name.
         vertices: Vertex indices in the garment's order.
+        stiffness: Of the spring that holds each [N/m]; infinite: rigid; None: as the garment's.
+        damping: Of that spring [N s/m]; None: as the garment's.
     """
 
     bone: str
     vertices: tuple[int, ...]
+    stiffness: float | None = None
+    damping: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class VertexDistance:
+    """A distance that some vertices may be away.
+
+    Attributes:
+        distance: The distance [m].
+        vertices: Vertex indices in the garment's order; None: all.
+    """
+
+    distance: float
+    vertices: tuple[int, ...] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Holds:
+    """What holds a garment beside its pins.
+
+    Attributes:
+        max_distance: How far vertices may be from where they would be as skin, later ones first;
+            None: a tenth of a metre, on a person of 1.65 m, for what hangs from the shoulders,
+            else any distance.
+        backstop: How far they may be behind that; None: any distance.
+        tethers: Part of its way over the cloth that a vertex may be farther from its pins; None:
+            no tethers.
+        stiffness: Of the springs of attachments that name none [N/m]; infinite: they are pins.
+        damping: Likewise [N s/m].
+    """
+
+    max_distance: tuple[VertexDistance, ...] | None = None
+    backstop: tuple[VertexDistance, ...] | None = None
+    tethers: float | None = None
+    stiffness: float = np.inf
+    damping: float = 0.0
 
 
 def dressed(
@@ -50,7 +90,7 @@ def dressed(
     material: Material,
     attachments: str | Sequence[Attachment] = AUTOMATIC,
     colliders: ColliderSet | None = None,
-    max_distance: float | None = None,
+    holds: Holds | None = None,
 ) -> tuple[Garment, tuple[str, ...]]:
     """A mesh in its place on a body made a garment.
 
@@ -62,8 +102,7 @@ def dressed(
         attachments: "auto" (shoulders where it reaches them, else its highest open edge),
             "none", or a list.
         colliders: Where given, the garment is let out to fit over them.
-        max_distance: How far a vertex may be from where it would be as skin [m]; None: a tenth of
-            a metre, on a person of 1.65 m, for what hangs from the shoulders, else any distance.
+        holds: What holds it beside its pins; the defaults where None.
 
     Returns:
         The garment, and what was repaired or assumed, one sentence each.
@@ -71,6 +110,7 @@ def dressed(
     Raises:
         GeometryError: The garment is not on the body, or an attachment does not exist.
     """
+    holds = holds or Holds()
     upper = reaches_shoulders(mesh, measures)
     covered = covered_skin(measures, upper)
     mesh, notes = _put_outside(name, mesh, measures, covered)
@@ -87,10 +127,25 @@ def dressed(
             pins = shoulder_pins(measures, mesh) if upper else waist_pins(mesh)
         frame = binding.heaviest(pins) if pins.size else 0
         pin_frame = np.full(len(pins), frame, dtype=np.int32)
+        spring = np.tile([holds.stiffness, holds.damping], (len(pins), 1))
     else:
         pins, pin_frame, binding = _listed_pins(name, mesh, measures, binding, attachments)
+        spring = _listed_springs(attachments, holds)
+    rigid = np.isinf(spring[:, 0])
+    if holds.tethers is not None and not rigid.any():
+        raise GeometryError(
+            f"garment {name!r} has tethers but nothing that they could hang from; allowed: with "
+            "attachments that are not soft"
+        )
+    soft = SoftAttachments(
+        vertices=pins[~rigid],
+        frame=pin_frame[~rigid],
+        stiffness=spring[~rigid, 0],
+        damping=spring[~rigid, 1],
+    )
+    max_distance = holds.max_distance
     if max_distance is None and upper:
-        max_distance = _LEASH * measures.unit
+        max_distance = (VertexDistance(distance=_LEASH * measures.unit),)
     garment = Garment(
         name=name,
         vertices=mesh.vertices,
@@ -100,12 +155,52 @@ def dressed(
         T_world_frame_rest=binding.T_world_frame,
         frame_index=binding.index,
         frame_weight=binding.weight,
-        pins=pins,
-        pin_frame=pin_frame,
+        pins=pins[rigid],
+        pin_frame=pin_frame[rigid],
         passed_by=passed_by,
-        max_distance=None if max_distance is None else np.full(len(mesh.vertices), max_distance),
+        max_distance=_per_vertex(name, len(mesh.vertices), max_distance),
+        backstop=_per_vertex(name, len(mesh.vertices), holds.backstop),
+        soft=None if rigid.all() else soft,
+        tethers=holds.tethers,
     )
     return garment, notes
+
+
+def _per_vertex(
+    name: str, count: int, given: Sequence[VertexDistance] | None
+) -> FloatArray | None:
+    """A distance for each vertex [m], infinite where none is given; None without any.
+
+    Raises:
+        GeometryError: A vertex that does not exist.
+    """
+    if given is None:
+        return None
+    result = np.full(count, np.inf)
+    for entry in given:
+        if entry.vertices is None:
+            result[:] = entry.distance
+            continue
+        wrong = [v for v in entry.vertices if not 0 <= v < count]
+        if wrong:
+            raise GeometryError(
+                f"garment {name!r}: vertices {wrong[:5]} do not exist; allowed: 0 to {count - 1}"
+            )
+        result[list(entry.vertices)] = entry.distance
+    return result
+
+
+def _listed_springs(attachments: Sequence[Attachment], holds: Holds) -> FloatArray:
+    """Stiffness and damping of each attached vertex, shape [p, 2]."""
+    rows = [
+        (
+            holds.stiffness if a.stiffness is None else a.stiffness,
+            holds.damping if a.damping is None else a.damping,
+        )
+        for a in attachments
+        for _ in a.vertices
+    ]
+    return np.array(rows, dtype=np.float64).reshape(-1, 2)
 
 
 def reaches_shoulders(mesh: GarmentMesh, measures: Measures) -> bool:

@@ -41,6 +41,8 @@ class Garment:
         layer: Garments with a higher number are worn over those with a lower one.
         max_distance: How far each vertex may be from where it would be as skin [m], shape [v];
             None where nothing holds it.
+        backstop: How far each vertex may be behind where it would be as skin, along the normal
+            that it would have there [m], shape [v]; None where nothing holds it.
         soft: Springs to places on its frames; None without.
         tethers: Part of its way over the cloth that a vertex may be farther away from its pins;
             None where nothing holds it.
@@ -59,6 +61,7 @@ class Garment:
     passed_by: tuple[str, ...] = ()
     layer: int = 0
     max_distance: FloatArray | None = None
+    backstop: FloatArray | None = None
     soft: SoftAttachments | None = None
     tethers: float | None = None
 

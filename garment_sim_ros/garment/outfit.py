@@ -5,7 +5,7 @@ from pathlib import Path
 
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.errors import GeometryError, InputFileError
-from garment_sim_ros.garment.dressing import dressed
+from garment_sim_ros.garment.dressing import Holds, dressed
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.generators import GENERATORS
 from garment_sim_ros.garment.measures import Measures
@@ -75,10 +75,10 @@ def _make(
     try:
         garment, notes = dressed(
             *(entry.name, mesh, measures, entry.material, entry.attachments, colliders),
-            max_distance=entry.max_distance,
+            holds=entry.holds,
         )
     except GeometryError as error:
-        if entry.mesh is None and isinstance(entry.attachments, str):
+        if entry.mesh is None and isinstance(entry.attachments, str) and entry.holds == Holds():
             raise  # nothing that the file says: it is the body that does not fit
         raise InputFileError(source, str(error)) from error
     return replace(garment, layer=entry.layer), (*mesh.notes, *notes)

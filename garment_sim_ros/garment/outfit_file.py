@@ -5,9 +5,10 @@ file's own size asks for.
 """
 
 import importlib.resources
+import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import yaml
 from garment_sim_ros.body.input_file import read_text
 from garment_sim_ros.colliders.thresholds import tightest
 from garment_sim_ros.errors import InputFileError, ParameterError
-from garment_sim_ros.garment.dressing import AUTOMATIC, NONE, Attachment
+from garment_sim_ros.garment.dressing import AUTOMATIC, NONE, Attachment, Holds, VertexDistance
 from garment_sim_ros.garment.generators import GENERATORS
 from garment_sim_ros.garment.materials import material_from
 from garment_sim_ros.garment.mesh import UNITS, UP_AXES
@@ -30,9 +31,14 @@ _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _FILE_KEYS = ("version", "garments", "colliders")
 _GARMENT_KEYS = (
     *("name", "generator", "options", "mesh", "material", "attachments"),
-    *("layer", "max_distance", "mu"),
+    *("layer", "max_distance", "backstop", "tethers", "mu"),
+    *("attachment_stiffness", "attachment_damping"),
 )
 _MAX_LAYER = 15
+_STRETCH = 0.02
+"""What tethers allow where the file does not say."""
+_SHORTEST = 1e-6
+"""Shortest distance that cloth may be away [m]: none would be no distance but a pin."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +65,7 @@ class GarmentEntry:
         attachments: "auto", "none", or a list.
         layer: Garments with a higher number are worn over those with a lower one; those with the
             same do not meet.
-        max_distance: How far a vertex may be from where it would be as skin [m]; None: what suits
-            the garment, see `dressed`.
+        holds: What holds it beside its pins.
         mu: Thresholds of the ellipsoids that it lies on, as `EllipsoidSettings.mu`.
     """
 
@@ -71,7 +76,7 @@ class GarmentEntry:
     material: Material
     attachments: str | tuple[Attachment, ...]
     layer: int = 0
-    max_distance: float | None = None
+    holds: Holds = field(default_factory=Holds)
     mu: str = ""
 
 
@@ -223,7 +228,7 @@ def _garment(index: int, entry: object, folder: Path) -> GarmentEntry:
             material=material_from(values.get("material")),
             attachments=_attachments(values.get("attachments", AUTOMATIC)),
             layer=_layer(values.get("layer", 0)),
-            max_distance=_distance(values.get("max_distance")),
+            holds=_holds(values),
             mu=_thresholds(values.get("mu", "")),
         )
     except ParameterError as error:
@@ -238,14 +243,62 @@ def _layer(value: object) -> int:
     return value
 
 
-def _distance(value: object) -> float | None:
+def _holds(values: Mapping[str, Any]) -> Holds:
+    tethers = values.get("tethers", False)
+    if isinstance(tethers, bool):
+        tethers = _STRETCH if tethers else None
+    else:
+        tethers = _number("tethers", tethers, "true, false, or a stretch from 0 to 1", most=1.0)
+    return Holds(
+        max_distance=_distances("max_distance", values.get("max_distance")),
+        backstop=_distances("backstop", values.get("backstop")),
+        tethers=tethers,
+        stiffness=_number(
+            "attachment_stiffness",
+            values.get("attachment_stiffness", math.inf),
+            "a number of N/m from 0, .inf for pins",
+        ),
+        damping=_number(
+            "attachment_damping", values.get("attachment_damping", 0.0), "a number of N s/m from 0"
+        ),
+    )
+
+
+def _number(
+    name: str, value: object, allowed: str, least: float = 0.0, most: float = math.inf
+) -> float:
+    """A number from `least` to `most`."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
+        raise ParameterError(name, f"found {repr(value)[:60]}", f"allowed: {allowed}")
+    return float(value)
+
+
+def _distances(name: str, value: object) -> tuple[VertexDistance, ...] | None:
+    """One distance for all vertices, or a list of distances with the vertices that have them."""
+    allowed = "a number of metres above 0, or a list of {distance: M, vertices: [...]}"
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0.0:
-        raise ParameterError(
-            "max_distance", f"found {repr(value)[:60]}", "allowed: a number of metres above 0"
+    if not isinstance(value, list) or len(value) > 1000:
+        value = [{"distance": value}]
+    distances = []
+    for entry in value:
+        known = _mapping(name, entry, ("distance", "vertices"))
+        vertices = known.get("vertices")
+        distances.append(
+            VertexDistance(
+                distance=_number(name, known.get("distance"), allowed, least=_SHORTEST),
+                vertices=None if vertices is None else _vertices(name, vertices, allowed),
+            )
         )
-    return float(value)
+    return tuple(distances)
+
+
+def _vertices(name: str, value: object, allowed: str) -> tuple[int, ...]:
+    if not isinstance(value, list):
+        raise ParameterError(name, f"found {repr(value)[:60]}", f"allowed: {allowed}")
+    if not all(isinstance(v, int) and not isinstance(v, bool) for v in value):
+        raise ParameterError(name, "a vertex is not a whole number", f"allowed: {allowed}")
+    return tuple(value)
 
 
 def _thresholds(value: object) -> str:
@@ -257,20 +310,31 @@ def _thresholds(value: object) -> str:
 
 
 def _attachments(value: object) -> str | tuple[Attachment, ...]:
-    allowed = f"allowed: {AUTOMATIC}, {NONE}, or a list of {{bone: NAME, vertices: [...]}}"
+    allowed = (
+        f"{AUTOMATIC}, {NONE}, or a list of {{bone: NAME, vertices: [...]}}, each also with a "
+        "stiffness in N/m and a damping in N s/m"
+    )
     if isinstance(value, str) and value in (AUTOMATIC, NONE):
         return value
     if not isinstance(value, list) or len(value) > 1000:
-        raise ParameterError("attachments", f"found {repr(value)[:60]}", allowed)
+        raise ParameterError("attachments", f"found {repr(value)[:60]}", f"allowed: {allowed}")
     attachments = []
     for entry in value:
-        known = _mapping("attachments", entry, ("bone", "vertices"))
-        bone, vertices = known.get("bone"), known.get("vertices")
-        if not isinstance(bone, str) or not isinstance(vertices, list):
-            raise ParameterError("attachments", f"found {repr(entry)[:60]}", allowed)
-        if not all(isinstance(v, int) and not isinstance(v, bool) for v in vertices):
-            raise ParameterError("attachments", "a vertex is not a whole number", allowed)
-        attachments.append(Attachment(bone=bone, vertices=tuple(vertices)))
+        known = _mapping("attachments", entry, ("bone", "vertices", "stiffness", "damping"))
+        bone = known.get("bone")
+        if not isinstance(bone, str):
+            raise ParameterError("attachments", f"found {repr(entry)[:60]}", f"allowed: {allowed}")
+        attachments.append(
+            Attachment(
+                bone=bone,
+                vertices=_vertices("attachments", known.get("vertices"), allowed),
+                **{
+                    key: _number(f"attachments.{key}", known[key], allowed)
+                    for key in ("stiffness", "damping")
+                    if key in known
+                },
+            )
+        )
     return tuple(attachments)
 
 

@@ -35,6 +35,18 @@ def account(simulation: Simulation) -> dict[str, Any]:
             any(simulation.is_held(name) for name in simulation.names),
             "no garment has a max_distance",
         ),
+        "a farthest distance behind skin": _unless(
+            any(simulation.has_backstop(name) for name in simulation.names),
+            "no garment has a backstop",
+        ),
+        "tethers to pins": _unless(
+            any(len(simulation.attached(name).pin) for name in simulation.names),
+            "no garment has tethers",
+        ),
+        "soft attachments": _unless(
+            any(len(simulation.attached(name).particle) for name in simulation.names),
+            "no garment has an attachment_stiffness",
+        ),
         "drag of air, still or a steady wind": _unless(
             any(simulation.model(n).material.air_drag > 0.0 for n in simulation.names),
             "no material has air drag",

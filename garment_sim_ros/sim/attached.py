@@ -68,6 +68,10 @@ class Attached(NamedTuple):
         """What follows does not depend on what was before: the garment was put elsewhere."""
         self.target.fill(np.nan)
 
+    def shift(self, by: SingleArray) -> None:
+        """The local origin has moved: coordinates change by [m], shape [3]."""
+        np.add(self.target, by, out=self.target)
+
     def pull(
         self,
         x: SingleArray,

@@ -16,6 +16,8 @@ FloatArray = NDArray[np.float64]
 
 MOST_TETHERS = 4
 """Groups of pins that a particle is tethered to: the nearest ones."""
+_STIFFEST = 1e18
+"""Stiffness over mass that stands for an infinite one [1/s^2]."""
 
 
 def attached_to(garment: GarmentLike, frames: Frames, model: ClothModel) -> Attached:
@@ -43,7 +45,9 @@ def attached_to(garment: GarmentLike, frames: Frames, model: ClothModel) -> Atta
             particle=p,
             collider=frames.collider[soft.frame],
             place=places_in_frames(garment, frames, soft.vertices, soft.frame),
-            rate=np.stack([soft.stiffness, soft.damping], axis=1) / model.mass[p, None],
+            rate=np.minimum(
+                np.stack([soft.stiffness, soft.damping], axis=1) / model.mass[p, None], _STIFFEST
+            ),
             target=np.full((len(p), 3), np.nan, np.float32),
         )
     return attached

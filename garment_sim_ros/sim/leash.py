@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.geometry.jit import kernel
-from garment_sim_ros.geometry.transforms import invert_transform, rotate
+from garment_sim_ros.geometry.transforms import invert_transform
+from garment_sim_ros.sim.kernels.skinned import blended, pose_frames
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.placement import Frames, GarmentLike
 from garment_sim_ros.sim.state import ColliderState, State
 
 SingleArray = NDArray[np.float32]
-FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
 
 
 class Leash:
@@ -30,14 +31,7 @@ class Leash:
     def __init__(self, garment: GarmentLike, frames: Frames, model: ClothModel) -> None:
         assert garment.max_distance is not None
         vertex = model.vertex[: model.free_count]
-        # A vertex in the frame of each collider that it follows; constant while it is skin.
-        to_collider = frames.T_collider_frame @ invert_transform(garment.T_world_frame_rest)
-        T = to_collider[garment.frame_index[vertex]]
-        x = np.asarray(garment.vertices, np.float64)[vertex]
-        local = np.einsum("nkij,nj->nki", T[..., :3, :3], x) + T[..., :3, 3]
-        weight = np.asarray(garment.frame_weight, np.float64)[vertex, :, None]
-        self._weighted = np.concatenate([weight * local, weight], axis=2).astype(np.float32)
-        self._index = np.ascontiguousarray(garment.frame_index[vertex], np.int32)
+        self._index, self._weighted = weighted_places(garment, frames, vertex)
         self._collider = frames.collider
         self._T = np.zeros((len(frames.collider), 3, 4), np.float32)
         self._limit = np.asarray(garment.max_distance, np.float32)[vertex]
@@ -46,6 +40,10 @@ class Leash:
     def forget(self) -> None:
         """What follows does not depend on what was before."""
         self._place.fill(np.nan)
+
+    def shift(self, by: SingleArray) -> None:
+        """The local origin has moved: coordinates change by [m], shape [3]."""
+        self._place += by
 
     def hold(self, state: State, colliders: ColliderState, dt: float) -> int:
         """Takes back what has gone too far, and the velocity that leads on.
@@ -58,36 +56,43 @@ class Leash:
         Returns:
             Number of particles held.
         """
-        return int(
-            hold(
-                state.x,
-                state.v,
-                colliders.end.position,
-                colliders.end.orientation,
-                colliders.origin,
-                self._collider,
-                self._T,
-                self._index,
-                self._weighted,
-                self._limit,
-                self._place,
-                np.float32(dt),
-            )
-        )
+        end = colliders.end
+        pose_frames(end.position, end.orientation, colliders.origin, self._collider, self._T)
+        rows = self._T, self._index, self._weighted, self._limit, self._place
+        return int(hold(state.x, state.v, *rows, np.float32(dt)))
+
+
+def weighted_places(
+    garment: GarmentLike, frames: Frames, vertex: IntArray
+) -> tuple[IntArray, SingleArray]:
+    """Vertices in the frame of each collider that they follow; constant while they are skin.
+
+    Args:
+        garment: The garment.
+        frames: The frames that it rides on.
+        vertex: The vertices, shape [f].
+
+    Returns:
+        Frames of each, shape [f, k]; its place there times its weight [m], and the weight, shape
+        [f, k, 4].
+    """
+    to_collider = frames.T_collider_frame @ invert_transform(garment.T_world_frame_rest)
+    T = to_collider[garment.frame_index[vertex]]
+    x = np.asarray(garment.vertices, np.float64)[vertex]
+    local = np.einsum("nkij,nj->nki", T[..., :3, :3], x) + T[..., :3, 3]
+    weight = np.asarray(garment.frame_weight, np.float64)[vertex, :, None]
+    weighted = np.concatenate([weight * local, weight], axis=2).astype(np.float32)
+    return np.ascontiguousarray(garment.frame_index[vertex], np.int32), weighted
 
 
 @kernel()
-def hold(x, v, position, orientation, origin, collider, T, index, weighted, limit, place, dt):
+def hold(x, v, T, index, weighted, limit, place, dt):
     """See `Leash.hold`.
 
     Args:
         x: Positions, changed in place [m], shape [n, 3].
         v: Velocities, changed in place [m/s], shape [n, 3].
-        position: World positions of all colliders [m], shape [c, 3].
-        orientation: Their unit quaternions, shape [c, 4].
-        origin: World position of the local origin [m], shape [3].
-        collider: The colliders that the garment rides on, shape [b].
-        T: Scratch: their transforms to local coordinates, shape [b, 3, 4].
+        T: Transforms of the frames that the garment rides on, shape [b, 3, 4].
         index: Those that each particle follows, shape [f, k], f at most n.
         weighted: Its place in the frame of each times its weight [m], and the weight, [f, k, 4].
         limit: How far it may be from where they would take it [m], shape [f].
@@ -98,31 +103,9 @@ def hold(x, v, position, orientation, origin, collider, T, index, weighted, limi
     Returns:
         Number of particles held.
     """
-    for b in range(collider.size):
-        c = collider[b]
-        q = orientation[c]
-        ex = rotate(q[0], q[1], q[2], q[3], 1.0, 0.0, 0.0)
-        ey = rotate(q[0], q[1], q[2], q[3], 0.0, 1.0, 0.0)
-        ez = rotate(q[0], q[1], q[2], q[3], 0.0, 0.0, 1.0)
-        for i in range(3):
-            T[b, i, 0] = ex[i]
-            T[b, i, 1] = ey[i]
-            T[b, i, 2] = ez[i]
-            T[b, i, 3] = position[c, i] - origin[i]
     held = 0
     for p in range(limit.size):
-        tx = ty = tz = np.float32(0.0)
-        for k in range(index.shape[1]):
-            w = weighted[p, k, 3]
-            if w == np.float32(0.0):
-                continue
-            b = index[p, k]
-            ax = weighted[p, k, 0]
-            ay = weighted[p, k, 1]
-            az = weighted[p, k, 2]
-            tx += T[b, 0, 0] * ax + T[b, 0, 1] * ay + T[b, 0, 2] * az + T[b, 0, 3] * w
-            ty += T[b, 1, 0] * ax + T[b, 1, 1] * ay + T[b, 1, 2] * az + T[b, 1, 3] * w
-            tz += T[b, 2, 0] * ax + T[b, 2, 1] * ay + T[b, 2, 2] * az + T[b, 2, 3] * w
+        tx, ty, tz = blended(T, index[p], weighted[p])
         dx = x[p, 0] - tx
         dy = x[p, 1] - ty
         dz = x[p, 2] - tz

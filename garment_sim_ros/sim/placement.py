@@ -88,6 +88,10 @@ class GarmentLike(Protocol):
         """How far each vertex may be from where it would be as skin [m], shape [v]; or None."""
 
     @property
+    def backstop(self) -> FloatArray | None:
+        """How far each vertex may be behind where it would be as skin [m], shape [v]; or None."""
+
+    @property
     def soft(self) -> SoftAttachments | None:
         """Springs to places on its frames; or None."""
 

@@ -13,9 +13,11 @@ from garment_sim_ros.geometry.contact_sides import Sides
 from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.params import Environment, RelaxationSettings, XpbdSettings
+from garment_sim_ros.sim.attached import Attached
+from garment_sim_ros.sim.backstop import Backstop
 from garment_sim_ros.sim.collider_motion import ColliderMotion
 from garment_sim_ros.sim.health import Health
-from garment_sim_ros.sim.kernels.motion import shift, to_file_order
+from garment_sim_ros.sim.kernels.motion import to_file_order
 from garment_sim_ros.sim.layers import LayerPair
 from garment_sim_ros.sim.leash import Leash
 from garment_sim_ros.sim.model import ClothModel, Parameters
@@ -142,6 +144,14 @@ class Simulation:
     def is_held(self, name: str) -> bool:
         """Whether a garment is kept near to where it would be as skin."""
         return any(isinstance(c, Leash) for c in self._worn[name].constraints)
+
+    def has_backstop(self, name: str) -> bool:
+        """Whether a garment is kept from getting far behind where it would be as skin."""
+        return any(isinstance(c, Backstop) for c in self._worn[name].constraints)
+
+    def attached(self, name: str) -> Attached:
+        """Tethers and soft attachments of a garment."""
+        return self._worn[name].workspace.attached
 
     def health(self, name: str) -> Health:
         """Counts and readings of a garment."""
@@ -280,8 +290,7 @@ class Simulation:
         shift_by = self._motion.follow(poses)
         if shift_by is not None:
             for worn in self._worn.values():
-                shift(worn.state.x, shift_by)
-                shift(worn.good.x, shift_by)
+                worn.shift(shift_by)
 
     def _take_along(self) -> None:
         """Takes the root's motion, as far as the cloth shall not feel it, out of a step."""

@@ -58,6 +58,7 @@ def warm_up(
         pin_frame=np.zeros(1, np.int32),
         passed_by=(),
         max_distance=np.full(4, 1.0),
+        backstop=None,
         tethers=1.0,
         soft=None,
         layer=0,

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from garment_sim_ros.geometry.contact_sides import Sides
 from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.sim.attaching import attached_to, hold_after_step
+from garment_sim_ros.sim.backstop import Backstop
 from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.kernels.layers import measure_motion
-from garment_sim_ros.sim.kernels.motion import carry_pins
+from garment_sim_ros.sim.kernels.motion import carry_pins, shift
 from garment_sim_ros.sim.leash import Leash
 from garment_sim_ros.sim.model import ClothModel, build_model
 from garment_sim_ros.sim.placement import (
@@ -36,6 +37,10 @@ class Constraint(Protocol):
 
     def hold(self, state: State, colliders: ColliderState, dt: float) -> int:
         """Corrects positions and velocities in place; tells how many particles it held."""
+        ...
+
+    def shift(self, by: SingleArray) -> None:
+        """The local origin has moved: coordinates change by [m], shape [3]."""
         ...
 
     def forget(self) -> None:
@@ -160,10 +165,19 @@ class Worn:
         for constraint in self.constraints:
             constraint.forget()
 
+    def shift(self, by: SingleArray) -> None:
+        """The local origin has moved: coordinates change by [m], shape [3]."""
+        shift(self.state.x, by)
+        shift(self.good.x, by)
+        self.workspace.attached.shift(by)
+        for constraint in self.constraints:
+            constraint.shift(by)
+
     def carry(self, moved: FloatArray) -> None:
         """Takes the garment along, each vertex by its own way [m], shape [v, 3]."""
         for state in (self.state, self.good):
             state.x += moved[self.model.vertex].astype(np.float32)
+        self._forget()
 
     def measure(self) -> None:
         """Measures the motion again, where something else than the solver changed it."""
@@ -213,4 +227,6 @@ def _constraints(
     constraints: list[Constraint] = []
     if garment.max_distance is not None:
         constraints.append(Leash(garment, frames, model))
+    if garment.backstop is not None:
+        constraints.append(Backstop(garment, frames, model))
     return tuple(constraints)

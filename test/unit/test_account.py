@@ -42,7 +42,8 @@ def test_what_a_scene_asks_for_is_modelled(cloth):
     found = told(cloth, BALL, environment=windy, layer=1, friction=0.3, air_drag=0.1)
     assert effects(found, "leaves_out") == {
         *("cloth against itself", "all of the body's own motion"),
-        "a farthest distance from skin",
+        *("a farthest distance from skin", "a farthest distance behind skin"),
+        *("tethers to pins", "soft attachments"),
     }
     assert "contact on 1 sphere colliders" in found["models"]
 

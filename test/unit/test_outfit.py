@@ -106,6 +106,21 @@ def test_options_material_and_attachments(tmp_path, body):
         (SKIRT.replace("_skirt}", "_skirt, max_distance: far}"), "max_distance: found 'far'"),
         (SKIRT.replace("_skirt}", "_skirt, max_distance: .nan}"), "max_distance: found nan"),
         (SKIRT.replace("_skirt}", "_skirt, layer: -1}"), "layer: found -1"),
+        (SKIRT.replace("_skirt}", "_skirt, backstop: -0.1}"), "backstop: found -0.1; allowed: a"),
+        (SKIRT.replace("_skirt}", "_skirt, backstop: [{vertices: [3]}]}"), "backstop: found None"),
+        (
+            SKIRT.replace("_skirt}", "_skirt, backstop: [{distance: 1, vertices: [99999]}]}"),
+            "vertices [99999] do not exist",
+        ),
+        (SKIRT.replace("_skirt}", "_skirt, tethers: -0.1}"), "tethers: found -0.1; allowed: true"),
+        (
+            SKIRT.replace("_skirt}", "_skirt, tethers: true, attachments: none}"),
+            "nothing that they could hang from",
+        ),
+        (
+            SKIRT.replace("_skirt}", "_skirt, attachment_stiffness: hard}"),
+            "attachment_stiffness: found 'hard'; allowed: a number of N/m",
+        ),
         (SKIRT.replace("_skirt}", "_skirt, layer: true}"), "layer: found True"),
         (SKIRT.replace("_skirt}", "_skirt, layer: 0.5}"), "layer: found 0.5"),
         (SKIRT.replace("_skirt}", "_skirt, material: steel}"), "material: found 'steel'; allowed"),
