@@ -11,7 +11,6 @@ from garment_sim_ros.sim.placement import Frames, GarmentLike, places_in_frames
 from garment_sim_ros.sim.state import ColliderState, State
 
 IntArray = NDArray[np.int32]
-SingleArray = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 
 MOST_TETHERS = 4
@@ -107,19 +106,19 @@ def _groups(triangles: IntArray, pins: IntArray) -> list[IntArray]:
             np.minimum.at(label, end, low)
 
 
-def hold_after_step(
-    attached: Attached, state: State, colliders: ColliderState, scratch: SingleArray, dt: float
-) -> None:
-    """Lets them act after the step of a solver that knows nothing of them; velocities follow.
+def hold_after_step(attached: Attached, state: State, colliders: ColliderState, dt: float) -> None:
+    """Lets them act after the step of a solver that knows nothing of them.
 
     Args:
         attached: What the garment asks for.
         state: Its motion after a step, changed in place.
         colliders: The colliders in that step.
-        scratch: Room for positions [m], shape [n, 3].
         dt: The step [s].
     """
-    h = np.float32(dt)
-    np.copyto(scratch, state.x)
-    attached.pull(state.x, state.x - h * state.v, colliders.end, colliders.origin, 1.0, dt)
-    state.v += (state.x - scratch) / h
+    x_start = state.x - np.float32(dt) * state.v
+    attached.pull(
+        *(state.x, state.v, x_start, colliders.end, colliders.origin),
+        keep=1.0,
+        dt=dt,
+        rate=1.0 / dt,
+    )

@@ -138,7 +138,7 @@ class Worn:
         attached = self.workspace.attached
         if attached.is_anything:
             if not self.attaches:
-                hold_after_step(attached, self.state, colliders, self.workspace.x_start, dt)
+                hold_after_step(attached, self.state, colliders, dt)
             held += int(attached.held[0])
         for constraint in self.constraints:
             held += constraint.hold(self.state, colliders, dt)

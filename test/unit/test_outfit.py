@@ -37,6 +37,29 @@ def test_builtin_outfits_are_read(body):
     assert worn.text == builtin_outfits()[DEFAULT_OUTFIT]
 
 
+def test_what_holds_a_garment_beside_its_pins(tmp_path, body):
+    text = (
+        "version: 1\ngarments:\n"
+        "  - name: skirt\n    generator: long_skirt\n    options: {vertices: 500}\n"
+        "    attachments: [{bone: hips, vertices: [0, 1]}, {bone: hips, vertices: [9], "
+        "stiffness: 50, damping: 2}, {bone: hips, vertices: [8], stiffness: .inf}]\n"
+        "    attachment_stiffness: 300\n    tethers: true\n"
+        "    max_distance: [{distance: 0.2}, {distance: 0.01, vertices: [4, 5]}]\n"
+        "    backstop: [{distance: 0.03, vertices: [7]}]\n"
+    )
+    (skirt,) = load_outfit(outfit(tmp_path, text), body).garments
+    assert skirt.pins.tolist() == [8]
+    assert skirt.soft.vertices.tolist() == [0, 1, 9]
+    assert skirt.soft.stiffness.tolist() == [300.0, 300.0, 50.0]
+    assert skirt.soft.damping.tolist() == [0.0, 0.0, 2.0]
+    assert {skirt.frames[f] for f in skirt.soft.frame} == {body.humanoid["hips"]}
+    assert skirt.tethers == 0.02
+    assert skirt.max_distance[[3, 4, 5]].tolist() == [0.2, 0.01, 0.01]
+    assert np.flatnonzero(np.isfinite(skirt.backstop)).tolist() == [7]
+    plain = load_outfit(outfit(tmp_path, SKIRT), body).garments[0]
+    assert (plain.soft, plain.tethers, plain.backstop, plain.max_distance) == (None,) * 4
+
+
 def test_options_material_and_attachments(tmp_path, body):
     text = (
         "version: 1\ngarments:\n"

@@ -94,11 +94,12 @@ def test_a_single_spring_is_backward_euler(cloth):
     x, v = 0.01, 0.0
     poses = ColliderPoses.identity(1)
     colliders = SimpleNamespace(end=poses, origin=np.zeros(3))
-    attached.pull(state.x.copy(), state.x.copy(), poses, np.zeros(3), 1.0, h)  # learns the place
+    scrap = [state.x.copy() for _ in range(3)]
+    attached.pull(*scrap, poses, np.zeros(3), keep=1.0, dt=h, rate=0.0)  # learns the place
     m = float(model.mass[1])
     for _ in range(20):
         state.x += np.float32(h) * state.v
-        hold_after_step(attached, state, colliders, np.zeros_like(state.x), h)
+        hold_after_step(attached, state, colliders, h)
         v = (m * v - h * k * x) / (m + h * c + h * h * k)
         x += h * v
         assert state.x[1, 0] - model.rest[1, 0] == pytest.approx(x, abs=2e-7)

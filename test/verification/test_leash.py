@@ -65,7 +65,8 @@ def test_a_sheet_is_dragged_along_by_a_body_that_leaves(cloth, solver):
         simulation.advance(start, end)
     lag = path[-1].position[0, 0] - simulation.positions("cloth")[:, 0].mean()
     # Taken along with the body's velocity and not kicked beyond it.
-    assert lag == pytest.approx(0.03, abs=1e-4)
+    # Within the distance nothing acts: what little speed is left in it goes on.
+    assert lag == pytest.approx(0.03, abs=3e-4)
     assert simulation.state("cloth").v[:, 0] == pytest.approx(3.0, abs=0.01)
 
 
