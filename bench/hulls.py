@@ -22,17 +22,15 @@ from numba import njit
 from scipy.spatial import ConvexHull
 
 from garment_sim_ros.body.loaders import load_body
-from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skin import Body
-from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.colliders.capsules import fit_capsules
 from garment_sim_ros.colliders.fatness import Union, fatness
 from garment_sim_ros.colliders.hull import Hull, clearance, convex_hull, inflate_vertices
 from garment_sim_ros.colliders.hull_placement import QUADRIC, VOLUME
 from garment_sim_ros.colliders.hull_simplify import Simplification, simplify_hull
 from garment_sim_ros.colliders.hulls import fit_hulls
+from garment_sim_ros.colliders.motion_report import motion_report
 from garment_sim_ros.colliders.posing import ColliderPoser
-from garment_sim_ros.colliders.regions import vertex_areas
 from garment_sim_ros.errors import GarmentSimError
 from garment_sim_ros.geometry.contact_distance import shape_distance
 from garment_sim_ros.geometry.contact_hull import hull_planes
@@ -42,8 +40,8 @@ from garment_sim_ros.geometry.obb import oriented_box
 from garment_sim_ros.geometry.outer_map import outer_map
 from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import invert_transform
+from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.mocap.sampling import sample
 from garment_sim_ros.params import HullSettings
 
 BODIES = (
@@ -262,35 +260,24 @@ def fits(data: Path) -> dict[str, Any]:
 def clips(data: Path) -> dict[str, Any]:
     """How far the posed skin leaves the union, by area over 25 poses of each clip."""
     results = {}
-    for source in BODIES[:3]:
+    for source in BODIES[:4]:
         body = load_body(source if source == "mannequin" else data / source)
-        area = vertex_areas(body.skin)
-        skinner = Skinner(body.skin)
         sets = collider_sets(body)
         for clip_name in CLIPS:
-            clip = load_clip(data / "mocap" / f"{clip_name}.bvh")
             try:
-                retargeter = Retargeter(clip.rig, body, reference=clip.source_reference)
+                poses = clip_poses(load_clip(data / "mocap" / f"{clip_name}.bvh"), body, 25)
             except GarmentSimError as error:
-                print(f"{clip_name}: {error}")
+                print(f"{Path(source).name}, {clip_name}: {error}")
                 continue
             for name, colliders in sets.items():
-                poser = ColliderPoser(colliders, body)
-                union = Union(colliders, poser.poses(invert_transform(body.skin.T_bone_bind)))
-                distances = []
-                for t in np.linspace(0.0, clip.duration, 25):
-                    T = retargeter.world_joints(sample(clip, float(t)))
-                    union.move(poser.poses(T))
-                    distances.append(1e3 * union.distance(skinner.vertices(T)))
-                every = np.concatenate(distances)
-                order = np.argsort(every)
-                share = np.cumsum(np.tile(area, 25)[order])
-                p99 = every[order][np.searchsorted(share, 0.99 * share[-1])]
-                out = 1.0 - share[np.searchsorted(every[order], 0.0) - 1] / share[-1]
-                results[f"{source}, {clip_name}, {name}"] = [out, float(p99), float(every.max())]
+                report = motion_report(body, colliders, poses)
+                results[f"{source}, {clip_name}, {name}"] = report
+                out, p99, most = (
+                    report[f"outside_{figure}"] for figure in ("share", "mm_p99", "mm_max")
+                )
                 print(
                     f"{Path(source).name}, {clip_name}, {name}: {100 * out:.1f} % of the skin "
-                    f"outside, p99 {p99:.1f} mm, max {every.max():.1f} mm"
+                    f"outside, p99 {p99:.1f} mm, max {most:.1f} mm"
                 )
     return results
 

@@ -10,7 +10,6 @@ import numpy as np
 from PIL import Image
 
 from garment_sim_ros.body.loaders import load_body
-from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.colliders.capsules import fit_capsules, fit_spheres
@@ -29,8 +28,8 @@ from garment_sim_ros.colliders.thresholds import REGIONS
 from garment_sim_ros.declaration import Declaration
 from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
+from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.mocap.sampling import sample
 from garment_sim_ros.params import EllipsoidSettings, HullSettings, declarations, validated
 from garment_sim_ros.tradeoff.render import Camera, Surface, render
 
@@ -156,12 +155,7 @@ def _fit(body: Body, args: argparse.Namespace) -> tuple[ColliderSet, dict[str, A
 
 def _over_clip(body: Body, colliders: ColliderSet, source: str) -> dict[str, Any]:
     """What `motion_report` says about a clip."""
-    clip = load_clip(source)
-    retargeter = Retargeter(
-        clip.rig, body, T_world_source=clip.T_world_file, reference=clip.source_reference
-    )
-    times = np.linspace(clip.times[0], clip.times[-1], _CLIP_POSES)
-    poses = [retargeter.world_joints(sample(clip, float(t))).copy() for t in times]
+    poses = clip_poses(load_clip(source), body, _CLIP_POSES)
     report = {"clip": source, **motion_report(body, colliders, poses)}
     for name, figures in (
         ("over the clip", report),

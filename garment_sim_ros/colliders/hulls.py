@@ -1,8 +1,8 @@
 """Convex-hull colliders for any body: regions, hulls, simplification, joints (Sun et al. 2007).
 
 Each rigid region of the skin becomes a hull, or several where one would be much too fat; joints
-get a sphere or a hull that turns halfway. All of it is verified: no skin of a region is outside
-its hulls.
+get a sphere, and hulls, that turn by a share of the joint's rotation. All of it is verified: no
+skin of a region is outside its hulls.
 """
 
 from dataclasses import dataclass, field, replace
@@ -25,11 +25,12 @@ from garment_sim_ros.colliders.hull_placement import QUADRIC, VOLUME
 from garment_sim_ros.colliders.hull_simplify import Simplification, simplify_hull
 from garment_sim_ros.colliders.joint_shapes import (
     SHARE,
+    BandHull,
     Joint,
-    band_hull,
+    band_hulls,
+    choose_hulls,
     covering_sphere,
     gaps,
-    half_turned_height,
     is_covered,
     is_worth_it,
     joints,
@@ -204,7 +205,7 @@ def _figures(name: str, inner: Hull, hull: Hull, points: FloatArray, note: str =
 def _joint_colliders(
     body: Body, regions: Regions, hulls: list[tuple[int, Hull]], settings: HullSettings
 ) -> list[tuple[Collider, ShapeFit]]:
-    """A sphere, a half-turning hull, or nothing for each joint."""
+    """A sphere, hulls that turn by a share, both or nothing for each joint."""
     if settings.joints == "none" or not hulls:
         return []
     skin = MeshDistance(body.skin.vertices, body.skin.triangles)
@@ -221,10 +222,11 @@ def _joint_colliders(
         centre, radius, own = covering_sphere(joint, posed, height, skin)
         if is_worth_it(height, own):
             made.append(_joint_sphere(body, regions, joint, centre, radius, height, own))
-            continue
-        hull = band_hull(body, regions, joint)
-        if hull is not None and is_worth_it(height, half_turned_height(joint, posed, hull)):
-            made.append(_joint_hull(body, regions, joint, hull, posed, height, settings))
+            height = np.minimum(height, own)
+        for k, band in enumerate(choose_hulls(height, band_hulls(body, regions, joint, posed))):
+            note = _opening(band.share, height, band.height)
+            made.append(_joint_hull(body, regions, joint, k, band, note, settings))
+            height = np.minimum(height, band.height)
     return [(_inflated(collider, settings.delta), shape) for collider, shape in made]
 
 
@@ -254,14 +256,14 @@ def _joint_sphere(
         position=transform_points(T_bone_bind, centre[None])[0],
         geometry={"radius": radius, "share": SHARE},
     )
-    return sphere, ShapeFit(name=sphere.name, kind="sphere", note=_opening(height, own))
+    return sphere, ShapeFit(name=sphere.name, kind="sphere", note=_opening(SHARE, height, own))
 
 
-def _opening(height: FloatArray, own: FloatArray) -> str:
+def _opening(share: float, height: FloatArray, own: FloatArray) -> str:
     left = max(float(np.minimum(height, own).max()), 0.0)
     return (
-        f"turns halfway; leaves {1e3 * left:.1f} of {1e3 * height.max():.1f} mm "
-        "that open through the range of motion"
+        f"turns by {share:g} of the joint's rotation; leaves {1e3 * left:.1f} of "
+        f"{1e3 * height.max():.1f} mm open through the range of motion"
     )
 
 
@@ -269,17 +271,17 @@ def _joint_hull(
     body: Body,
     regions: Regions,
     joint: Joint,
-    inner: Hull,
-    posed: FloatArray,
-    height: FloatArray,
+    number: int,
+    band: BandHull,
+    note: str,
     settings: HullSettings,
 ) -> tuple[Collider, ShapeFit]:
     bone = regions.names[joint.region]
-    hull = _fitted(inner, inner.vertices, settings)
-    note = _opening(height, half_turned_height(joint, posed, hull))
+    name = f"joint_{bone}_{number}"
+    hull = _fitted(band.hull, band.hull.vertices, settings)
     T_bone_bind = body.skin.T_bone_bind[regions.joint[joint.region]]
-    collider = _collider(f"joint_{bone}", bone, hull, T_bone_bind, share=SHARE)
-    return collider, _figures(collider.name, inner, hull, inner.vertices, note)
+    collider = _collider(name, bone, hull, T_bone_bind, share=band.share)
+    return collider, _figures(name, band.hull, hull, band.hull.vertices, note)
 
 
 def _collider(

@@ -4,20 +4,23 @@ The rigid regions' hulls fit in the bind pose; when a joint turns, a wedge opens
 Sun et al. 2007, section 3.1, put a sphere about the joint that contains the flexible vertices.
 About a hip or in the trunk that would stand off the body by centimetres. Ours lies just under the
 skin of the bind pose and turns by half the joint's rotation, as skin does that both bones move
-alike; of all such spheres it is the one that leaves least of the wedge open. Where a sphere leaves
-most of it, as in the flat trunk, a hull of that skin takes its place.
+alike; of all such spheres it is the one that leaves least of the wedge open. Where centimetres are
+left, as in the flat trunk and where weights change over a long way, hulls join it: each of the
+skin in a band of weights, turning by the band's middle weight. Far from the joint such a hull
+would stand off like a wing, so that what it closes is weighed against that.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.convex_parts import split
 from garment_sim_ros.colliders.hull import Hull, convex_hull
 from garment_sim_ros.colliders.range_of_motion import joint_rotations
-from garment_sim_ros.colliders.regions import Regions
+from garment_sim_ros.colliders.regions import Regions, vertex_normals
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.jit import exact_kernel
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
@@ -26,15 +29,19 @@ from garment_sim_ros.geometry.transforms import invert_transform
 FloatArray = NDArray[np.float64]
 
 SHARE = 0.5
-"""Share of the joint's rotation that a joint's collider takes part in."""
-_BAND = (0.25, 0.75)
-"""Weights of the lower bone between which skin belongs to a joint's hull."""
-_COVERED = 0.004
+"""Share of the joint's rotation that a joint's sphere takes part in."""
+_BANDS = ((0.25, 0.75), (0.05, 0.45), (0.55, 0.95), (0.4, 0.6), (0.1, 0.3), (0.7, 0.9))
+"""Weights of the lower bone between which skin belongs to one hull of a joint."""
+_COVERED = 0.008
 """Skin that leaves the colliders by less than this needs no further one [m]."""
 _OVER = 0.003
 """How far a joint's sphere may stand over the skin nearest to it [m]."""
 _ENOUGH = 0.4
-"""A collider is worth it if it leaves at most this share of the squared gaps open."""
+"""A sphere is worth it if it leaves at most this share of the squared gaps open."""
+_FAT = 0.5
+"""What a square of standing over the skin counts against a square of gap closed."""
+_GAIN = 0.2
+"""A hull is worth it if its gain is at least this share of the squared gaps."""
 _SAMPLES = 120
 """Most skin points that are moved through a joint's range."""
 _CENTRES = 15
@@ -50,6 +57,7 @@ class Joint:
         centre: The joint's position [m], shape [3].
         depth: Distance from there to the nearest skin [m], negative outside the body.
         points: Skin points that both sides move [m], shape [n, 3].
+        normal: Unit normals of the skin there, shape [n, 3].
         weight: Weight of the lower side at each, shape [n].
         rotations: Rotations through the joint's range, shape [k, 3, 3].
         below: Regions that the joint turns.
@@ -59,6 +67,7 @@ class Joint:
     centre: FloatArray
     depth: float
     points: FloatArray
+    normal: FloatArray
     weight: FloatArray
     rotations: FloatArray
     below: frozenset[int]
@@ -67,6 +76,7 @@ class Joint:
 def joints(body: Body, regions: Regions, skin: MeshDistance) -> list[Joint]:
     """All joints about which skin bends."""
     bone_of = {joint: bone for bone, joint in body.humanoid.items()}
+    normal = vertex_normals(body.skin)
     found = []
     for m in range(len(regions)):
         if regions.parent[m] < 0:
@@ -91,6 +101,7 @@ def joints(body: Body, regions: Regions, skin: MeshDistance) -> list[Joint]:
                 centre=centre,
                 depth=-float(skin.signed_distance(centre[None])[0][0]),
                 points=body.skin.vertices[bends],
+                normal=normal[bends],
                 weight=weight[bends],
                 rotations=joint_rotations(bone_of.get(regions.names[m], ""), along),
                 below=frozenset(below),
@@ -131,16 +142,73 @@ def needed_radius(posed: FloatArray, height: FloatArray) -> float:
     return float(np.linalg.norm(posed[outside], axis=1).max()) if outside.any() else 0.0
 
 
-def band_hull(body: Body, regions: Regions, joint: Joint) -> Hull | None:
-    """Hull of the skin that both sides of a joint move about alike, in the bind pose."""
+@dataclass(frozen=True)
+class BandHull:
+    """A hull of skin that both sides of a joint move about alike.
+
+    Attributes:
+        hull: The hull in the bind pose.
+        share: Share of the joint's rotation that it takes part in.
+        height: Distances to it, like those of `gaps`.
+        over: How far the skin that it is made of lifts it over where that skin is, shape [k, n].
+    """
+
+    hull: Hull
+    share: float
+    height: FloatArray
+    over: FloatArray
+
+
+def band_hulls(body: Body, regions: Regions, joint: Joint, posed: FloatArray) -> list[BandHull]:
+    """Hulls for bands of weights.
+
+    Args:
+        body: Rig and skin.
+        regions: Its regions.
+        joint: The joint.
+        posed: As from `gaps`.
+    """
     weight = regions.weight[:, sorted(joint.below)].sum(axis=1)
-    corners = np.column_stack([body.skin.vertices, weight])[body.skin.triangles]
-    _, corners, _ = split(corners, corners[..., 3] - _BAND[0])
-    corners, _, _ = split(corners, corners[..., 3] - _BAND[1])
-    try:
-        return convex_hull(corners[..., :3].reshape(-1, 3))
-    except GeometryError:
-        return None
+    skin = np.column_stack([body.skin.vertices, weight])[body.skin.triangles]
+    skin = skin[(skin[..., 3].max(axis=1) > 0.0) & (skin[..., 3].min(axis=1) < 1.0)]
+    found = []
+    for low, high in _BANDS:
+        _, corners, _ = split(skin, skin[..., 3] - low)
+        corners, _, _ = split(corners, corners[..., 3] - high)
+        try:
+            hull = convex_hull(corners[..., :3].reshape(-1, 3))
+        except GeometryError:  # too little skin
+            continue
+        share = 0.5 * (low + high)
+        turn = np.swapaxes(_turned(joint.rotations, share), 1, 2)
+        lifted = (joint.points - joint.centre) @ turn - posed
+        over = np.einsum("kni,kni->kn", lifted, joint.normal @ turn)
+        over[:, (joint.weight < low) | (joint.weight > high)] = 0.0
+        found.append(BandHull(hull, share, turned_height(joint, posed, hull, share), over))
+    return found
+
+
+def choose_hulls(height: FloatArray, hulls: list[BandHull]) -> list[BandHull]:
+    """Those hulls, best first, that close much of the gaps and hardly stand over the skin.
+
+    Args:
+        height: As from `gaps`, or what a sphere leaves of it.
+        hulls: The candidates.
+    """
+    enough = _GAIN * open_gaps(height)
+    candidates = list(hulls)
+    chosen = []
+    while candidates and not is_covered(height):
+        gain = [
+            open_gaps(height) - open_gaps(np.minimum(height, c.height)) - _FAT * open_gaps(c.over)
+            for c in candidates
+        ]
+        best = int(np.argmax(gain))
+        if gain[best] < enough:
+            break
+        chosen.append(candidates.pop(best))
+        height = np.minimum(height, chosen[-1].height)
+    return chosen
 
 
 def covering_sphere(
@@ -164,7 +232,7 @@ def covering_sphere(
     offset = np.concatenate([np.zeros((1, 3)), 0.25 * arm, 0.5 * arm, 0.75 * arm])
     depth = -skin.signed_distance(offset + joint.centre)[0]
     deep = depth >= 0.3 * depth.max()
-    seen = posed @ _halves(joint.rotations)
+    seen = posed @ _turned(joint.rotations, SHARE)
     best = (np.inf, offset[0], 0.0, height)
     for at, radius in zip(offset[deep], np.maximum(depth[deep], 0.0) + _OVER):
         distance = np.linalg.norm(seen - at, axis=-1) - radius
@@ -174,17 +242,17 @@ def covering_sphere(
     return best[1] + joint.centre, best[2], best[3]
 
 
-def half_turned_height(joint: Joint, posed: FloatArray, hull: Hull) -> FloatArray:
-    """Distances to the planes of a hull that turns by `SHARE`, like those of `gaps`."""
-    half = _halves(joint.rotations)
-    seen = posed @ half + joint.centre
-    return hull.height(seen.reshape(-1, 3)).reshape(posed.shape[:2])
+def turned_height(joint: Joint, posed: FloatArray, hull: Hull, share: float) -> FloatArray:
+    """Distances to the planes of a hull that turns by `share`, like those of `gaps`."""
+    seen = posed @ _turned(joint.rotations, share) + joint.centre
+    height = np.full(posed.shape[:2], np.inf)
+    _lower_to_hull(seen.reshape(-1, 3), hull.planes, height.reshape(-1))
+    return height
 
 
-def _halves(rotations: FloatArray) -> FloatArray:
-    """Rotations by half the angle: the middle between the identity and each, projected."""
-    u, _, vt = np.linalg.svd(np.eye(3) + rotations)
-    return u @ vt
+def _turned(rotations: FloatArray, share: float) -> FloatArray:
+    """Rotations by a share of the angle."""
+    return Rotation.from_rotvec(share * Rotation.from_matrix(rotations).as_rotvec()).as_matrix()
 
 
 def is_covered(height: FloatArray) -> bool:
@@ -198,7 +266,7 @@ def open_gaps(height: FloatArray) -> float:
 
 
 def is_worth_it(height: FloatArray, own: FloatArray) -> bool:
-    """Whether a collider with the distances `own` closes most of the gaps."""
+    """Whether a sphere with the distances `own` closes most of the gaps."""
     return open_gaps(np.minimum(height, own)) <= _ENOUGH * open_gaps(height)
 
 

@@ -16,6 +16,7 @@ from garment_sim_ros.body.skin import Body, Skin
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
+_ALSO = ("leftToes", "rightToes")
 _FLEXIBLE = 0.02
 """A vertex on which two bones have at least this weight is flexible."""
 
@@ -51,14 +52,14 @@ class Regions:
 
 
 def skin_regions(body: Body, *, merge: float = 0.0) -> Regions:
-    """Regions of a body's major bones.
+    """Regions of a body's major bones, and of its toes, which bend far.
 
     Args:
         body: Rig and skin.
         merge: A region with less than this share of the skin's area joins the one above it, or
             the largest one below it if it is the topmost.
     """
-    bones = major_bones(body)
+    bones = major_bones(body, also=_ALSO)
     weight = bone_weights(body.skin, bones)
     area = vertex_areas(body.skin)
     parent = bones.parent.copy()
