@@ -4,7 +4,8 @@
 
 T-shirt and short skirt on the walking mannequin: what they bring to their collisions in 30 steps
 is collided again. Medians of processor time of one thread per step, for several collider sets, at
-1 and 10 times the particles, and with hulls of 40, 80 and 160 faces.
+1 and 10 times the particles, with hulls of 40, 80 and 160 faces, and with the hulls of bodies of
+1,000 to 10,000 vertices.
 """
 
 import argparse
@@ -37,6 +38,8 @@ from garment_sim_ros.sim.solvers import relaxation
 
 sys.path.insert(0, str(Path(__file__).parent))
 from hulls import collider_sets, median
+
+_VERTICES = (1000, 3000, 10_000)
 
 
 def walked(outfits: Sequence[Garment], colliders: ColliderSet, body: Body) -> dict[str, list[Any]]:
@@ -93,6 +96,9 @@ def contact() -> dict[str, Any]:
     ).colliders
     for faces in (40, 80, 160):
         sets[f"hull, {faces} faces"] = fit_hulls(body, HullSettings(max_faces=faces)).colliders
+    for count in _VERTICES:
+        finer = load_body(f"mannequin:vertices={count}")
+        sets[f"body of {len(finer.skin.vertices)} vertices"] = fit_hulls(finer).colliders
     outfits = load_outfit("tshirt_short_skirt", body).garments
     for name, colliders in sets.items():
         row = {}

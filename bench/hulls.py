@@ -5,7 +5,7 @@
 ``fig8``: a model like theirs (508 triangles, mean edge 0.084, hull of 224 faces), simplified at
 several deltas and floors, and its outer map of 96 cells. ``queries``: nanoseconds per point of the
 ways to ask a hull. ``fits``: how fat hulls and capsules are on all bodies. ``clips``: how far the
-posed skin leaves them. Processor time of one thread, medians, after one warm-up. What collisions
+posed skin leaves both. Processor time of one thread, medians, after one warm-up. What collisions
 cost: `hull_contact.py`.
 """
 
@@ -262,7 +262,7 @@ def clips(data: Path) -> dict[str, Any]:
     results = {}
     for source in BODIES[:4]:
         body = load_body(source if source == "mannequin" else data / source)
-        sets = collider_sets(body)
+        sets = {"hull": fit_hulls(body).colliders, "capsule": fit_capsules(body)}
         for clip_name in CLIPS:
             try:
                 poses = clip_poses(load_clip(data / "mocap" / f"{clip_name}.bvh"), body, 25)

@@ -38,7 +38,7 @@ _OVER = 0.003
 """How far a joint's sphere may stand over the skin nearest to it [m]."""
 _ENOUGH = 0.4
 """A sphere is worth it if it leaves at most this share of the squared gaps open."""
-_FAT = 0.5
+_FAT = 0.25
 """What a square of standing over the skin counts against a square of gap closed."""
 _GAIN = 0.2
 """A hull is worth it if its gain is at least this share of the squared gaps."""

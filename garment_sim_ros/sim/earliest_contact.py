@@ -11,7 +11,7 @@ from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.contact_shapes import PackedShapes, PosedShapes
 from garment_sim_ros.geometry.earliest_hit import meet, response_numbers, room_for
 from garment_sim_ros.geometry.jit import kernel
-from garment_sim_ros.geometry.shapes import KINDS
+from garment_sim_ros.geometry.shapes import KINDS, ColliderSet
 from garment_sim_ros.params import RelaxationSettings
 
 SingleArray = NDArray[np.float32]
@@ -20,24 +20,29 @@ IntArray = NDArray[np.int32]
 _ELLIPSOID = KINDS.index("ellipsoid")
 
 
+def check_earliest(colliders: ColliderSet) -> None:
+    """Whether contact by the earliest hit is possible.
+
+    Raises:
+        ParameterError: Colliders of a kind that it does not know.
+    """
+    others = sorted({c.kind for c in colliders.colliders} - {"sphere", "ellipsoid", "frame"})
+    if others:
+        raise ParameterError(
+            "contact",
+            f"found 'earliest' with {', '.join(others)} colliders",
+            "allowed: with ellipsoids and spheres (fit --method ellipsoid)",
+        )
+
+
 class EarliestContact:
     """Scratch arrays of one garment's contact.
 
     Args:
         shapes: The shapes, spheres and ellipsoids.
-
-    Raises:
-        ParameterError: Shapes of another kind.
     """
 
     def __init__(self, shapes: PackedShapes) -> None:
-        others = sorted({KINDS[k] for k in shapes.kind} - {"sphere", "ellipsoid"})
-        if others:
-            raise ParameterError(
-                "contact",
-                f"found 'earliest' with {', '.join(others)} colliders",
-                "allowed: with ellipsoids and spheres (fit --method ellipsoid)",
-            )
         m = len(shapes.kind)
         self._start = np.zeros((m, 15))
         self._end = np.zeros((m, 15))

@@ -16,6 +16,7 @@ from garment_sim_ros.params import Environment, RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.attached import Attached
 from garment_sim_ros.sim.backstop import Backstop
 from garment_sim_ros.sim.collider_motion import ColliderMotion
+from garment_sim_ros.sim.earliest_contact import check_earliest
 from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.kernels.motion import to_file_order
 from garment_sim_ros.sim.layers import LayerPair
@@ -107,13 +108,15 @@ class Simulation:
         """Outer forces and numerical parameters; may be replaced between steps.
 
         Raises:
-            ParameterError: A wind that cannot be.
+            ParameterError: A wind that cannot be, or a contact that the colliders do not allow.
         """
         return self._parameters
 
     @parameters.setter
     def parameters(self, parameters: Parameters) -> None:
         field = wind_field(parameters.environment)
+        if getattr(parameters.settings, "contact", "") == "earliest":
+            check_earliest(self.collider_set)
         self._parameters = parameters
         self._taken_out = TakenOut(
             parameters.environment.root_linear_inertia, parameters.environment.root_angular_inertia

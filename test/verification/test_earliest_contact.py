@@ -7,6 +7,7 @@ from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix
 from garment_sim_ros.params import Environment, RelaxationSettings, XpbdSettings
+from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.simulation import Simulation
 
 RADII = np.array([0.3, 0.2, 0.1])
@@ -105,8 +106,22 @@ def test_only_where_it_is_asked_for_and_possible(cloth):
     simulation = dressed(cloth, ellipsoid(), 0.2, settings=RelaxationSettings())
     simulation.advance(STILL, STILL)
     assert simulation._worn["cloth"].workspace.earliest is None
-    capsule = {"radius0": 0.1, "radius1": 0.1, "length": 0.2}
-    other = Collider(name="c", kind="capsule", bone="bone", geometry=capsule)
-    with pytest.raises(ParameterError, match="contact: found 'earliest' with capsule"):
-        dressed(cloth, other, 0.2).advance(STILL, STILL)
+    earliest = Parameters(
+        environment=Environment(), settings=RelaxationSettings(contact="earliest")
+    )
+    tetrahedron = {"vertices": np.vstack([np.zeros(3), np.eye(3)])}
+    faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    rigid = {"frame": np.zeros((4, 1)), "weight": np.ones((4, 1)), "bind": np.eye(4)[None, :3]}
+    for kind, geometry in (
+        ("capsule", {"radius0": 0.1, "radius1": 0.1, "length": 0.2}),
+        ("hull", {**tetrahedron, "faces": faces}),
+        ("mesh", {**tetrahedron, "triangles": faces, **rigid}),
+    ):
+        other = Collider(name="c", kind=kind, bone="bone", geometry=geometry)
+        with pytest.raises(ParameterError, match=f"contact: found 'earliest' with {kind}"):
+            dressed(cloth, other, 0.2)
+        simulation = dressed(cloth, other, 0.2, settings=RelaxationSettings())
+        with pytest.raises(ParameterError, match=kind):
+            simulation.parameters = earliest
+        assert simulation.parameters.settings.contact == "union"
     assert not hasattr(XpbdSettings(), "contact")

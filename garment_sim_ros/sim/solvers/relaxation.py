@@ -78,7 +78,7 @@ def step(
 
     contacts, carry = workspace.contacts, colliders.posed.carry
     thickness = max(material.thickness, colliders.thickness)
-    if params.settings.contact == "earliest" and colliders.skin is None:
+    if params.settings.contact == "earliest":
         if workspace.earliest is None:
             workspace.earliest = EarliestContact(colliders.shapes)
         # What the springs moved is velocity before the hit, not after it.
