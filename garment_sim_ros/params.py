@@ -375,3 +375,19 @@ class XpbdSettings:
         minimum=1,
         maximum=64,
     )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ImplicitSettings:
+    """Numerical parameters of the `implicit` solver."""
+
+    sub_step: float = parameter(
+        1 / 60,
+        "Longest sub-step: shorter is more accurate motion and slower.",
+        unit="s",
+        minimum=1e-4,
+        maximum=0.5,
+    )
+    iterations: int = parameter(
+        8, "Steps towards the solution in each sub-step.", minimum=1, maximum=200
+    )

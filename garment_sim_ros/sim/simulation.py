@@ -12,7 +12,12 @@ from garment_sim_ros.errors import GeometryError, MessageError, ParameterError
 from garment_sim_ros.geometry.contact_sides import Sides
 from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.topology import vertex_normals
-from garment_sim_ros.params import Environment, RelaxationSettings, XpbdSettings
+from garment_sim_ros.params import (
+    Environment,
+    ImplicitSettings,
+    RelaxationSettings,
+    XpbdSettings,
+)
 from garment_sim_ros.sim.attached import Attached
 from garment_sim_ros.sim.backstop import Backstop
 from garment_sim_ros.sim.collider_motion import ColliderMotion
@@ -65,7 +70,7 @@ class Simulation:
         colliders: ColliderSet,
         *,
         environment: Environment | None = None,
-        settings: RelaxationSettings | XpbdSettings | None = None,
+        settings: RelaxationSettings | XpbdSettings | ImplicitSettings | None = None,
         solver: str = "relaxation",
         solver_step: float = 1 / 180,
     ) -> None:

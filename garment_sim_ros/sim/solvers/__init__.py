@@ -3,9 +3,9 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from garment_sim_ros.params import RelaxationSettings, XpbdSettings
+from garment_sim_ros.params import ImplicitSettings, RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.model import ClothModel, Parameters
-from garment_sim_ros.sim.solvers import relaxation, xpbd
+from garment_sim_ros.sim.solvers import implicit, relaxation, xpbd
 from garment_sim_ros.sim.state import ColliderState, State, Workspace
 
 Step = Callable[[ClothModel, ColliderState, Parameters, State, Workspace, float], None]
@@ -40,6 +40,11 @@ SOLVERS: Mapping[str, Solver] = {
         workspace=xpbd.XpbdWorkspace.room_for,
         settings=XpbdSettings,
         attaches=True,
+    ),
+    "implicit": Solver(
+        step=implicit.step,
+        workspace=implicit.ImplicitWorkspace.room_for,
+        settings=ImplicitSettings,
     ),
 }
 """Solvers by name."""
