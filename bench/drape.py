@@ -1,7 +1,7 @@
 """A cloth of 1 m x 1 m falls on a sphere: cost, stretch, rest and penetration.
 
     python bench/drape.py [--solver xpbd] [--sub-steps 16 32 64] [--bending-every 8] [--json]
-    python bench/drape.py --solver implicit --sub-steps 1 2 4 8
+    python bench/drape.py --solver implicit --sub-steps 1 2 --iterations 8
     python bench/drape.py --pinned 0.0667 --sub-steps 80 160
 
 50 x 50 vertices, 0.2 kg/m^2, friction 0.3, from 0.05 m above a fixed sphere of radius 0.3 m, 180
@@ -164,7 +164,8 @@ def main() -> None:
                 )
                 step = frame
             elif options.solver == "implicit":
-                settings, step = ImplicitSettings(sub_step=frame / n), frame
+                settings = ImplicitSettings(sub_step=frame / n, iterations=options.iterations)
+                step = frame
             else:
                 settings, step = RelaxationSettings(sweeps=options.iterations), frame / n
             figures[n] = run(
