@@ -33,6 +33,7 @@ from garment_sim_ros.geometry.contact_nearby import (
     shapes_near_particle,
     shapes_on_side,
 )
+from garment_sim_ros.geometry.contact_pinch import stay_between
 from garment_sim_ros.geometry.contact_shapes import PackedShapes, PosedShapes
 from garment_sim_ros.geometry.contact_sides import OPPOSED, PASSING, UNDER, Sides
 from garment_sim_ros.geometry.contact_union import give_way, leave_all, leave_union
@@ -55,8 +56,8 @@ class Contacts(NamedTuple):
     Attributes:
         shape: Index of the deepest shape among m packed ones, -1 without contact, shape [n].
         normal: Its outward unit normal, set where there is contact, shape [n, 3].
-        depth: How deep the particle was in it [m], set where there is contact, infinite where a
-            shape on the other side presses it against that one, shape [n].
+        depth: How deep the particle was in it [m], set where there is contact, infinite where
+            another shape presses it against that one, shape [n].
         near: Scratch: shapes near a block, shape [m + 1].
         distance: Scratch: distances of its particles to those [m], shape [m * BLOCK].
         found: Scratch: shapes near a particle, shape [m + 1].
@@ -150,8 +151,8 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
             oy = py = x[p, 1]
             oz = pz = x[p, 2]
             k = -1
-            nx = ny = nz = depth = zero
-            away = zero
+            nx = ny = nz = depth = away = zero
+            pressed = False
             if outer < rim:
                 n = shapes_near_particle(
                     sides.side, p, PASSING, near, count, distance, lane, rim, found, least
@@ -209,11 +210,7 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
                         zero,
                     )
                 if thickness - d > zero:
-                    k = m
-                    nx = mx
-                    ny = my
-                    nz = mz
-                    depth = thickness - d
+                    k, nx, ny, nz, depth = m, mx, my, mz, thickness - d
                     if friction > zero:
                         px, py, pz = resist_slip(
                             posed.carry,
@@ -293,9 +290,9 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
                                 least,
                             )
                         away = _length(qx - ox, qy - oy, qz - oz)
-                    px = qx
-                    py = qy
-                    pz = qz
+                        ux, uy, uz = px + mx * left, py + my * left, pz + mz * left
+                        pressed = _length(qx - ux, qy - uy, qz - uz) > rounding
+                    px, py, pz = qx, qy, qz
             if outer - away < rim:
                 if away < valid:
                     n = shapes_near_particle(
@@ -334,19 +331,18 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
                 if thickness - d > zero:
                     # All the way where nothing is under the cloth here, else half of it.
                     way = thickness - d if k < 0 else np.float32(0.5) * (thickness - d)
-                    px += mx * way
-                    py += my * way
-                    pz += mz * way
+                    px, py, pz = px + mx * way, py + my * way, pz + mz * way
                     if k < 0:
-                        k = m
-                        nx = mx
-                        ny = my
-                        nz = mz
-                        depth = way
+                        k, nx, ny, nz, depth = m, mx, my, mz, way
                     else:
-                        depth = far
+                        pressed, depth = True, far
             if k < 0:
                 continue
+            if pressed:
+                px, py, pz, held = stay_between(
+                    shapes, posed, sides.side, p, x_start, px, py, pz, k, thickness, rounding
+                )
+                depth = far if held else depth
             touching += 1
             touched[p] = k
             contacts.normal[p, 0] = nx

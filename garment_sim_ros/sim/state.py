@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from garment_sim_ros.geometry.contact import Contacts
 from garment_sim_ros.geometry.contact_shapes import PackedShapes, PosedShapes, pack, pose
 from garment_sim_ros.geometry.contact_sides import Sides
+from garment_sim_ros.geometry.contact_sweep import Sweep
 from garment_sim_ros.geometry.ellipsoid_refit import EllipsoidRefit
 from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.sim.attached import Attached
@@ -107,6 +108,7 @@ class ColliderState:
         thickness: Distance that the set asks cloth to keep [m].
         origin: World position that particle positions are relative to [m], shape [3].
         posed: The shapes posed for this step.
+        sweep: What finding those needs that would pass through cloth in one step.
         refit: Those of them that change with the pose.
         skin: The exact skin in the place of shapes; None without one.
     """
@@ -117,6 +119,7 @@ class ColliderState:
     thickness: float
     origin: FloatArray
     posed: PosedShapes
+    sweep: Sweep
     refit: EllipsoidRefit
     skin: SkinContact | None = None
 
@@ -136,6 +139,7 @@ class ColliderState:
             thickness=colliders.thickness,
             origin=np.zeros(3),
             posed=PosedShapes.room_for(shapes),
+            sweep=Sweep.of(colliders, shapes),
             refit=EllipsoidRefit(colliders, shapes),
             skin=SkinContact(colliders) if has_skin else None,
         )

@@ -40,7 +40,7 @@ def remember_planes(x, x_start, shape, carry, place, ride):
 
 
 @kernel()
-def touch_planes(x, v, x_start, shape, normal, place, ride, friction, dt):
+def touch_planes(x, v, x_start, shape, normal, pressed, place, ride, friction, dt):
     """Contact with the planes: friction and inelastic, as `geometry.contact.collide` has it.
 
     Args:
@@ -49,6 +49,8 @@ def touch_planes(x, v, x_start, shape, normal, place, ride, friction, dt):
         x_start: Positions at the start of the sub-step [m], shape [n, 3].
         shape: Shape that each particle touched, -1 for none, shape [n].
         normal: Outward normal there, shape [n, 3].
+        pressed: How deep it was [m], infinite where shapes press it from two sides: such a
+            particle has no slip, shape [n].
         place: A point of each plane, moved on in place [m], shape [n, 3].
         ride: How far the plane moves in a sub-step [m], shape [n, 3].
         friction: Coulomb coefficient.
@@ -68,6 +70,14 @@ def touch_planes(x, v, x_start, shape, normal, place, ride, friction, dt):
         place[p, 0] += rx
         place[p, 1] += ry
         place[p, 2] += rz
+        if pressed[p] == np.float32(np.inf):
+            x[p, 0] = x_start[p, 0] + rx
+            x[p, 1] = x_start[p, 1] + ry
+            x[p, 2] = x_start[p, 2] + rz
+            v[p, 0] = rx * rate
+            v[p, 1] = ry * rate
+            v[p, 2] = rz * rate
+            continue
         depth = (
             (place[p, 0] - x[p, 0]) * nx
             + (place[p, 1] - x[p, 1]) * ny

@@ -4,6 +4,7 @@ import numpy as np
 
 from garment_sim_ros.geometry.contact import collide_particles
 from garment_sim_ros.geometry.contact_shapes import pose_shapes
+from garment_sim_ros.geometry.contact_sweep import sweep
 from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.sim.kernels.attached import pull_attached
@@ -80,9 +81,11 @@ def run_sub_steps(
     start,
     end,
     between,
+    last_search,
     x_end,
     origin,
     posed,
+    way,
     sides,
     contacts,
     place,
@@ -115,9 +118,12 @@ def run_sub_steps(
         end: The same at the end.
         between: Scratch, two such pairs and a [3, 3, 3] array; the second pair is still that of
             the end of the last step.
+        last_search: Scratch: positions of free particles at the last search for contacts, shape
+            [free, 3], poses of all colliders then, and shapes posed for the time since then.
         x_end: Positions at the end of the last step, changed in place [m], shape [n, 3].
         origin: World position of the local origin [m], shape [3].
         posed: Scratch: shapes posed for a sub-step.
+        way: See `geometry.contact_sweep.Sweep`.
         sides: Which shapes are on the outer side of which particle.
         contacts: Contacts of the last search.
         place: Scratch: points of tangent planes [m], shape [free, 3].
@@ -151,6 +157,10 @@ def run_sub_steps(
     )
     to_position[:] = start[0]
     to_orientation[:] = start[1]
+    x_search, search_position, search_orientation, since = last_search
+    x_search[:] = x[:free]
+    search_position[:] = start[0]
+    search_orientation[:] = start[1]
     for s in range(count):
         if not still:  # Planes need no poses, pins do.
             from_position[:] = to_position
@@ -231,12 +241,24 @@ def run_sub_steps(
                 x_start[:free],
                 contacts.shape,
                 contacts.normal,
+                contacts.depth,
                 place,
                 ride,
                 friction,
                 dt,
             )
             continue
+        pose_shapes(
+            shapes,
+            search_position,
+            search_orientation,
+            to_position,
+            to_orientation,
+            origin,
+            scratch,
+            since,
+        )
+        sweep(shapes, since, sides.side, way, x[:free], x_search, thickness, friction)
         x_predicted[:free] = x[:free]
         touching = collide_particles(
             shapes, posed, sides, x[:free], x_start[:free], thickness, friction, contacts
@@ -255,5 +277,8 @@ def run_sub_steps(
             motion,
         )
         remember_planes(x[:free], x_start[:free], contacts.shape, posed.carry, place, ride)
+        x_search[:] = x[:free]
+        search_position[:] = to_position
+        search_orientation[:] = to_orientation
     x_end[:] = x
     return touching

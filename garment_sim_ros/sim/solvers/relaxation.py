@@ -7,6 +7,7 @@ depends on the step and on the number of sweeps, not on the material's stiffness
 import numpy as np
 
 from garment_sim_ros.geometry.contact import collide
+from garment_sim_ros.geometry.contact_sweep import sweep
 from garment_sim_ros.sim.earliest_contact import EarliestContact
 from garment_sim_ros.sim.kernels.layers import measure_motion
 from garment_sim_ros.sim.kernels.motion import carry_pins, predict, update_velocities
@@ -104,6 +105,16 @@ def step(
             x, x_start, thickness, material.friction, contacts
         )
     else:
+        sweep(
+            colliders.shapes,
+            colliders.posed,
+            workspace.sides.side,
+            colliders.sweep,
+            x,
+            x_start,
+            np.float32(thickness),
+            np.float32(material.friction),
+        )
         workspace.contact_count = collide(
             colliders.shapes,
             colliders.posed,

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.geometry.contact_shapes import PosedShapes
 from garment_sim_ros.geometry.shapes import ColliderPoses
 from garment_sim_ros.params import XpbdSettings
 from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
@@ -64,6 +65,8 @@ class XpbdWorkspace(Workspace):
         x_end: Positions at the end of the last step [m], shape [n, 3].
         push_all: Velocity that outer forces and bending add in a sub-step [m/s], shape [3 free].
         between: Poses at the start and end of one sub-step; None until colliders are known.
+        last_search: Positions of particles and poses of colliders at the last search for contacts,
+            and the shapes posed for the time since then; None until colliders are known.
     """
 
     rest_squared: FloatArray
@@ -77,6 +80,7 @@ class XpbdWorkspace(Workspace):
     x_end: SingleArray
     push_all: SingleArray
     between: tuple[Any, ...] | None
+    last_search: tuple[Any, ...] | None
 
     @classmethod
     def room_for(cls, model: ClothModel, shapes: int) -> "XpbdWorkspace":
@@ -110,6 +114,7 @@ class XpbdWorkspace(Workspace):
             x_end=np.full((len(model), 3), np.nan, np.float32),
             push_all=np.zeros(3 * model.free_count, np.float32),
             between=None,
+            last_search=None,
         )
 
     def prepare(self, model: ClothModel, dt: float, rate: float, bending_every: int) -> None:
@@ -177,6 +182,9 @@ def step(
         a, b = colliders.start.copy(), ColliderPoses.identity(len(colliders.start.position))
         scratch = np.zeros((3, 3, 3))
         workspace.between = (a.position, a.orientation, b.position, b.orientation, scratch)
+        c, x = colliders.start.copy(), np.zeros((model.free_count, 3), np.float32)
+        posed = PosedShapes.room_for(colliders.shapes)
+        workspace.last_search = (x, c.position, c.orientation, posed)
 
     keep = 1.0 / (1.0 + h * rate)
     for k in range(3):
@@ -196,9 +204,11 @@ def step(
         (colliders.start.position, colliders.start.orientation),
         (colliders.end.position, colliders.end.orientation),
         workspace.between,
+        workspace.last_search,
         workspace.x_end,
         colliders.origin,
         colliders.posed,
+        colliders.sweep,
         workspace.sides,
         workspace.contacts,
         workspace.place,
