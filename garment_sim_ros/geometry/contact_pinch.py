@@ -46,6 +46,7 @@ def stay_between(shapes, posed, side, p, x_start, px, py, pz, k, thickness, roun
     cy = sy + C[k, 1, 0] * sx + C[k, 1, 1] * sy + C[k, 1, 2] * sz + C[k, 1, 3]
     cz = sz + C[k, 2, 0] * sx + C[k, 2, 1] * sy + C[k, 2, 2] * sz + C[k, 2, 3]
     slip = np.sqrt((px - cx) ** 2 + (py - cy) ** 2 + (pz - cz) ** 2)
+    reach = thickness + min(slip, thickness) + rounding
     for step in range(_ROUNDS):
         d1 = d2 = far
         ax = ay = az = bx = by = bz = zero
@@ -54,9 +55,7 @@ def stay_between(shapes, posed, side, p, x_start, px, py, pz, k, thickness, roun
             for m in range(posed.box.shape[0]):
                 if side[m, p] == PASSING:
                     continue
-                d, nx, ny, nz = shape_distance(
-                    shapes, posed, m, cx, cy, cz, thickness + slip + rounding
-                )
+                d, nx, ny, nz = shape_distance(shapes, posed, m, cx, cy, cz, reach)
                 if turn == 0:
                     if d < d1:
                         d1, ax, ay, az = d, nx, ny, nz
