@@ -119,7 +119,18 @@ class Environment:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class RelaxationSettings:
+class _ContactPoints:
+    """The first of `RelaxationSettings` and `XpbdSettings`."""
+
+    contact_points: str = parameter(
+        "particles",
+        "What meets colliders beside particles: edges, triangles or both, at their middles.",
+        choices=("particles", "edges", "triangles", "both"),
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RelaxationSettings(_ContactPoints):
     """Numerical parameters of the `relaxation` solver."""
 
     sweeps: int = parameter(3, "Sweeps of spring correction per step.", minimum=1, maximum=1000)
@@ -356,7 +367,7 @@ class ClothNodeParameters:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class XpbdSettings:
+class XpbdSettings(_ContactPoints):
     """Numerical parameters of the `xpbd` solver."""
 
     sub_step: float = parameter(

@@ -4,8 +4,10 @@ Contact looks at where particles and shapes are at the end of a step. A shape th
 than it is thick may then be on the other side of the cloth already, or so deep in it that the
 short way out is the wrong one. Here the way of a particle relative to a shape is followed from its
 start, in steps as long as its distance (sphere tracing, Hart 1996); where it enters the shape, and
-goes far enough inside for the short way out to be in doubt, it ends just under the surface on the
-side where it came in. Contact then does the rest. All that it asks of a shape is a distance.
+goes far enough inside for the short way out to be in doubt, it ends just under the surface where
+it came in, and rides on from there: an impact is inelastic in every direction, or else cloth slips
+off a thin limb before its neighbours are moving. Contact then does the rest. All that this asks of
+a shape is a distance.
 
 Only pairs are followed that moved past each other by more than a part of the shape's own inner
 radius in the step. Whether there are any is known from the shapes' motion and a bound for each
@@ -114,7 +116,7 @@ def _enters(shapes, posed, k, qx, qy, qz, rx, ry, rz, length, inner, thickness):
 
 
 @lean_kernel()
-def sweep(shapes, posed, side, way, x, x_start, thickness, friction):
+def sweep(shapes, posed, side, way, x, x_start, thickness):
     """Stops particles where they entered a shape that they, or it, would pass through.
 
     Args:
@@ -125,7 +127,6 @@ def sweep(shapes, posed, side, way, x, x_start, thickness, friction):
         x: Proposed positions, corrected in place [m], shape [n, 3].
         x_start: Where the particles came from [m], shape [n, 3].
         thickness: Distance to keep from the surfaces [m].
-        friction: Coulomb coefficient.
 
     Returns:
         Number of particles stopped.
@@ -231,14 +232,12 @@ def sweep(shapes, posed, side, way, x, x_start, thickness, friction):
         if near == 0:
             continue
         for p in range(begin, end):
-            stopped += _stop(
-                shapes, posed, side, way, x, x_start, thickness, friction, first, near, p
-            )
+            stopped += _stop(shapes, posed, side, way, x, x_start, thickness, first, near, p)
     return stopped
 
 
 @lean_kernel()
-def _stop(shapes, posed, side, way, x, x_start, thickness, friction, first, count, p):
+def _stop(shapes, posed, side, way, x, x_start, thickness, first, count, p):
     """Stops particle p at the earliest entry into one of the shapes found; 1 if there is one."""
     one = np.float32(1.0)
     zero = np.float32(0.0)
@@ -295,16 +294,10 @@ def _stop(shapes, posed, side, way, x, x_start, thickness, friction, first, coun
         stopped = 1
         last = entered
         along = rx * nx + ry * ny + rz * nz
-        rx -= along * nx
-        ry -= along * ny
-        rz -= along * nz
-        slip = np.sqrt(rx * rx + ry * ry + rz * rz)
-        limit = -friction * along
-        slides = zero if slip <= limit else one - limit / slip
         along = max(along, np.float32(-_UNDER_SURFACE) * (way.inner_radius[entered] + thickness))
-        px = ex + slides * rx + along * nx
-        py = ey + slides * ry + along * ny
-        pz = ez + slides * rz + along * nz
+        px = ex + along * nx
+        py = ey + along * ny
+        pz = ez + along * nz
     if stopped:
         x[p, 0] = px
         x[p, 1] = py

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.geometry.contact import Contacts, collide_particles
 from garment_sim_ros.geometry.contact_sides import Sides
+from garment_sim_ros.geometry.contact_sweep import sweep
 from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.geometry.locality import spatial_order
 from garment_sim_ros.geometry.topology import mesh_topology
@@ -55,13 +56,13 @@ class SamplePoints(NamedTuple):
         particle[model.vertex] = np.arange(len(model), dtype=np.int32)
         triangles = particle[model.triangles]
         edges = mesh_topology(triangles).edges[:, [0, 1, 1]]
-        groups = {
-            "edges": ((edges, (0.5, 0.25, 0.25)),),
-            "triangles": ((triangles, (1 / 3,) * 3),),
-        }
-        groups["both"] = groups["edges"] + groups["triangles"]
-        corner = np.concatenate([c for c, _ in groups[where]])
-        weight = np.concatenate([np.tile(w, (len(c), 1)) for c, w in groups[where]])
+        groups = []
+        if where in ("edges", "both"):
+            groups.append((edges, (0.5, 0.25, 0.25)))
+        if where in ("triangles", "both"):
+            groups.append((triangles, (1 / 3, 1 / 3, 1 / 3)))
+        corner = np.concatenate([c for c, _ in groups])
+        weight = np.concatenate([np.tile(w, (len(c), 1)) for c, w in groups])
         used = (corner < model.free_count).any(axis=1)
         corner, weight = corner[used], weight[used]
         order = spatial_order(np.einsum("sk,ski->si", weight, model.rest[corner]))
@@ -89,12 +90,24 @@ class SamplePoints(NamedTuple):
 
 
 @kernel()
-def meet_between(shapes, posed, points, x, x_start, thickness, friction, contacts):
+def place_points(corner, weight, x, out):
+    """Positions [s, 3] of points between particles at x [n, 3]."""
+    for s in range(corner.shape[0]):
+        i, j, k = corner[s, 0], corner[s, 1], corner[s, 2]
+        a, b, c = weight[s, 0], weight[s, 1], weight[s, 2]
+        for d in range(3):
+            out[s, d] = a * x[i, d] + b * x[j, d] + c * x[k, d]
+
+
+@kernel()
+def meet_between(
+    shapes, posed, points, x, x_start, since, x_since, way, thickness, friction, contacts
+):
     """Moves particles so that points between them are out of all shapes.
 
-    One after the other, each by what is left of its depth: no corner goes farther than the deepest
-    of its points asks for. A particle that touches nothing itself is then in contact with what its
-    point touched.
+    One after the other, each by what is left of its way out: no corner goes farther than the
+    deepest of its points asks for. A particle that touches nothing itself is then in contact with
+    what its point touched.
 
     Args:
         shapes: Packed shapes.
@@ -102,17 +115,18 @@ def meet_between(shapes, posed, points, x, x_start, thickness, friction, contact
         points: `SamplePoints`.
         x: Positions of all particles, corrected in place [m], shape [n, 3].
         x_start: Positions at the start of the step [m], shape [n, 3].
+        since: The shapes with their way since a time before, see `sweep`.
+        x_since: Positions at that time [m], shape [n, 3].
+        way: See `Sweep`.
         thickness: Distance to keep from the surfaces [m].
         friction: Coulomb coefficient.
         contacts: Contacts of the free particles, added to.
     """
     corner, weight, share = points.corner, points.weight, points.share
-    for s in range(corner.shape[0]):
-        i, j, k = corner[s, 0], corner[s, 1], corner[s, 2]
-        a, b, c = weight[s, 0], weight[s, 1], weight[s, 2]
-        for d in range(3):
-            points.x[s, d] = a * x[i, d] + b * x[j, d] + c * x[k, d]
-            points.x_start[s, d] = a * x_start[i, d] + b * x_start[j, d] + c * x_start[k, d]
+    place_points(corner, weight, x, points.x)
+    place_points(corner, weight, x_since, points.x_start)
+    sweep(shapes, since, points.sides.side, way, points.x, points.x_start, thickness)
+    place_points(corner, weight, x_start, points.x_start)
     found = points.contacts
     if not collide_particles(
         shapes, posed, points.sides, points.x, points.x_start, thickness, friction, found
@@ -129,20 +143,18 @@ def meet_between(shapes, posed, points, x, x_start, thickness, friction, contact
             px -= weight[s, n] * x[i, 0]
             py -= weight[s, n] * x[i, 1]
             pz -= weight[s, n] * x[i, 2]
-        depth = px * nx + py * ny + pz * nz
-        if not depth > np.float32(0.0):
+        if not px * nx + py * ny + pz * nz > np.float32(0.0):
             continue
         for n in range(3):
             i = corner[s, n]
             if i >= free or (n == 2 and i == corner[s, 1]):
                 continue
-            way = share[s, n] * depth
-            x[i, 0] += way * nx
-            x[i, 1] += way * ny
-            x[i, 2] += way * nz
+            x[i, 0] += share[s, n] * px
+            x[i, 1] += share[s, n] * py
+            x[i, 2] += share[s, n] * pz
             if contacts.shape[i] < 0:
                 contacts.shape[i] = found.shape[s]
                 contacts.normal[i, 0] = nx
                 contacts.normal[i, 1] = ny
                 contacts.normal[i, 2] = nz
-                contacts.depth[i] = way
+                contacts.depth[i] = share[s, n] * (px * nx + py * ny + pz * nz)

@@ -22,6 +22,7 @@ from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.sim.attached import Attached
 from garment_sim_ros.sim.earliest_contact import EarliestContact
 from garment_sim_ros.sim.model import ClothModel
+from garment_sim_ros.sim.sample_points import SamplePoints
 from garment_sim_ros.sim.skin_contact import SkinContact
 
 FloatArray = NDArray[np.float64]
@@ -68,6 +69,8 @@ class Workspace:
         contact_count: Number of free particles in contact in the last step.
         attached: Tethers and soft attachments.
         earliest: Scratch of contact by the earliest hit; None until a step needs it.
+        points: Points between the particles that meet shapes, too; None unless asked for.
+        points_at: Where those are.
         motion: Sum of squared speeds and highest squared speed after the last step [m^2/s^2],
             shape [2]; not finite as soon as any velocity is.
     """
@@ -81,6 +84,15 @@ class Workspace:
     motion: FloatArray
     attached: Attached
     earliest: EarliestContact | None = None
+    points: SamplePoints | None = None
+    points_at: str = "particles"
+
+    def contact_points(self, model: ClothModel, at: str) -> SamplePoints | None:
+        """The points between particles that settings ask for, made when first asked for."""
+        if at != self.points_at:
+            self.points_at = at
+            self.points = None if at == "particles" else SamplePoints.of(model, self.sides, at)
+        return self.points
 
     @classmethod
     def room_for(cls, model: ClothModel, shapes: int) -> "Workspace":

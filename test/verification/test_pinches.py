@@ -28,10 +28,10 @@ def poses(order, apart):
 
 def pinched(cloth, solver, order):
     """A sheet that hangs between the two over the chest while the arm closes, after 3 s."""
-    vertices, triangles = cloth.grid(24, 12)
-    sheet = np.stack([0.0 * vertices[:, 0] + 0.125, vertices[:, 1], -vertices[:, 0]], axis=1)
+    vertices, triangles = cloth.grid(16, 12)
+    sheet = np.stack([0.0 * vertices[:, 0] + 0.125, vertices[:, 1], 0.05 - vertices[:, 0]], axis=1)
     simulation = Simulation(
-        (cloth.garment(sheet, triangles, pins=range(12), friction=0.3, damping=2.0),),
+        (cloth.garment(sheet, triangles, pins=range(12), friction=0.3, damping=5.0),),
         limbs(cloth, order),
         solver=solver,
     )
@@ -53,5 +53,6 @@ def test_pinched_cloth_comes_to_rest_between_what_pinches_it(cloth, solver):
     beside = np.abs(x[:, 2]) < 0.02
     assert beside.sum() > 10
     # The overlap goes from x = 0.095 to 0.11 in the middle: nothing was pushed through a side.
-    assert (x[beside, 0] > 0.085).all() and (x[beside, 0] < 0.12).all()
+    assert x[beside, 0].min() > 0.085
+    assert x[beside, 0].max() < 0.12
     assert np.abs(x - pinched(cloth, solver, ("arm", "chest"))[0]).max() == 0.0

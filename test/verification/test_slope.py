@@ -29,7 +29,7 @@ def on_a_slope(cloth, solver, friction, seconds):
         geometry={"vertices": CORNERS.tolist(), "faces": FACES},
     )
     simulation = Simulation(
-        (cloth.garment(vertices + [0.0, 0.0, 0.002], triangles, friction=friction),),
+        (cloth.garment(vertices + np.array([0.0, 0.0, 0.002]), triangles, friction=friction),),
         cloth.colliders(slab),
         environment=Environment(gravity=(G * np.sin(lean), 0.0, -G * np.cos(lean))),
         solver=solver,

@@ -12,6 +12,7 @@ from garment_sim_ros.sim.kernels.bending import bend
 from garment_sim_ros.sim.kernels.edges import solve_edges, solve_edges_apart
 from garment_sim_ros.sim.kernels.motion import carry_pins
 from garment_sim_ros.sim.kernels.planes import remember_planes, stop_at_contacts, touch_planes
+from garment_sim_ros.sim.sample_points import meet_between
 
 _SHORT = np.float32(6e-4)
 """In a shorter sub-step [s] a coordinate's last place is too much velocity to round to."""
@@ -88,6 +89,7 @@ def run_sub_steps(
     way,
     sides,
     contacts,
+    points,
     place,
     ride,
     thickness,
@@ -118,14 +120,15 @@ def run_sub_steps(
         end: The same at the end.
         between: Scratch, two such pairs and a [3, 3, 3] array; the second pair is still that of
             the end of the last step.
-        last_search: Scratch: positions of free particles at the last search for contacts, shape
-            [free, 3], poses of all colliders then, and shapes posed for the time since then.
+        last_search: Scratch: positions of all particles at the last search for contacts, shape
+            [n, 3], poses of all colliders then, and shapes posed for the time since then.
         x_end: Positions at the end of the last step, changed in place [m], shape [n, 3].
         origin: World position of the local origin [m], shape [3].
         posed: Scratch: shapes posed for a sub-step.
         way: See `geometry.contact_sweep.Sweep`.
         sides: Which shapes are on the outer side of which particle.
         contacts: Contacts of the last search.
+        points: Points between particles that meet shapes, too; None for none.
         place: Scratch: points of tangent planes [m], shape [free, 3].
         ride: Scratch: their motion in a sub-step [m], shape [free, 3].
         thickness: Distance to keep from surfaces [m].
@@ -158,7 +161,7 @@ def run_sub_steps(
     to_position[:] = start[0]
     to_orientation[:] = start[1]
     x_search, search_position, search_orientation, since = last_search
-    x_search[:] = x[:free]
+    x_search[:] = x
     search_position[:] = start[0]
     search_orientation[:] = start[1]
     for s in range(count):
@@ -202,6 +205,8 @@ def run_sub_steps(
             keep,
             dt,
         )
+        if points is not None:
+            x_start[free:] = x[free:]
         carry_pins(
             x[free:], v[free:], pin_collider, pin_position, to_position, to_orientation, origin, dt
         )
@@ -258,11 +263,25 @@ def run_sub_steps(
             scratch,
             since,
         )
-        sweep(shapes, since, sides.side, way, x[:free], x_search, thickness, friction)
+        sweep(shapes, since, sides.side, way, x[:free], x_search[:free], thickness)
         x_predicted[:free] = x[:free]
         touching = collide_particles(
             shapes, posed, sides, x[:free], x_start[:free], thickness, friction, contacts
         )
+        if points is not None:
+            meet_between(
+                shapes,
+                posed,
+                points,
+                x,
+                x_start,
+                since,
+                x_search,
+                way,
+                thickness,
+                friction,
+                contacts,
+            )
         stop_at_contacts(
             x[:free],
             v[:free],
@@ -277,7 +296,7 @@ def run_sub_steps(
             motion,
         )
         remember_planes(x[:free], x_start[:free], contacts.shape, posed.carry, place, ride)
-        x_search[:] = x[:free]
+        x_search[:] = x
         search_position[:] = to_position
         search_orientation[:] = to_orientation
     x_end[:] = x

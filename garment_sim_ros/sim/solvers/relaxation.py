@@ -13,6 +13,7 @@ from garment_sim_ros.sim.kernels.layers import measure_motion
 from garment_sim_ros.sim.kernels.motion import carry_pins, predict, update_velocities
 from garment_sim_ros.sim.kernels.springs import correct_springs
 from garment_sim_ros.sim.model import ClothModel, Parameters
+from garment_sim_ros.sim.sample_points import meet_between
 from garment_sim_ros.sim.state import ColliderState, State, Workspace
 
 
@@ -50,6 +51,9 @@ def step(
         workspace.push[k] = keep * dt * pull
     predict(x, v, x_start, x_predicted, workspace.push, np.float32(keep), h)
 
+    points = workspace.contact_points(model, params.settings.contact_points)
+    if points is not None:
+        workspace.x_start[free:] = state.x[free:]
     carry_pins(
         state.x[free:],
         state.v[free:],
@@ -113,7 +117,6 @@ def step(
             x,
             x_start,
             np.float32(thickness),
-            np.float32(material.friction),
         )
         workspace.contact_count = collide(
             colliders.shapes,
@@ -125,6 +128,20 @@ def step(
             material.friction,
             contacts,
         )
+        if points is not None:
+            meet_between(
+                colliders.shapes,
+                colliders.posed,
+                points,
+                state.x,
+                workspace.x_start,
+                colliders.posed,
+                workspace.x_start,
+                colliders.sweep,
+                np.float32(thickness),
+                np.float32(material.friction),
+                contacts,
+            )
     update_velocities(
         x,
         v,

@@ -182,7 +182,7 @@ def step(
         a, b = colliders.start.copy(), ColliderPoses.identity(len(colliders.start.position))
         scratch = np.zeros((3, 3, 3))
         workspace.between = (a.position, a.orientation, b.position, b.orientation, scratch)
-        c, x = colliders.start.copy(), np.zeros((model.free_count, 3), np.float32)
+        c, x = colliders.start.copy(), np.zeros((len(model), 3), np.float32)
         posed = PosedShapes.room_for(colliders.shapes)
         workspace.last_search = (x, c.position, c.orientation, posed)
 
@@ -211,6 +211,7 @@ def step(
         colliders.sweep,
         workspace.sides,
         workspace.contacts,
+        workspace.contact_points(model, settings.contact_points),
         workspace.place,
         workspace.ride,
         np.float32(max(material.thickness, colliders.thickness)),
