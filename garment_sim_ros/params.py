@@ -120,8 +120,6 @@ class Environment:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _ContactPoints:
-    """The first of `RelaxationSettings` and `XpbdSettings`."""
-
     contact_points: str = parameter(
         "particles",
         "What meets colliders beside particles: edges, triangles or both, at their middles.",
@@ -377,9 +375,7 @@ class XpbdSettings(_ContactPoints):
         minimum=1e-5,
         maximum=0.1,
     )
-    iterations: int = parameter(
-        1, "Passes over the edges in each sub-step.", minimum=1, maximum=1000
-    )
+    iterations: int = parameter(1, "Passes over the edges in a sub-step.", minimum=1, maximum=1000)
     bending_every: int = parameter(
         4,
         "Sub-steps for each pass over the hinges and each search for contacts.",
