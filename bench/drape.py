@@ -2,7 +2,7 @@
 
     python bench/drape.py [--solver xpbd] [--sub-steps 16 32 64] [--bending-every 8] [--json]
     python bench/drape.py --solver implicit --sub-steps 1 2 --iterations 8
-    python bench/drape.py --pinned 0.0667 --sub-steps 80 160
+    python bench/drape.py --pinned 0.0667 --sub-steps 80 160 [--tethers 0]
 
 50 x 50 vertices, 0.2 kg/m^2, friction 0.3, from 0.05 m above a fixed sphere of radius 0.3 m, 180
 frames of 1/60 s, one thread. F is the time of three sweeps of plain C over the cloth's 14,406
@@ -46,7 +46,7 @@ MATERIAL = Material(
 """A stiff weave; damping as of a sheet that swings in air."""
 
 
-def cloth(pins: tuple[int, ...] = ()) -> Garment:
+def cloth(pins: tuple[int, ...] = (), tethers: float | None = None) -> Garment:
     """The cloth, flat, 0.05 m above the sphere."""
     vertices, triangles = grid(50)
     vertices = vertices - 0.5 * np.array([1.0, 1.0, 0.0]) + np.array([0.0, 0.0, RADIUS + 0.05])
@@ -61,6 +61,7 @@ def cloth(pins: tuple[int, ...] = ()) -> Garment:
         frame_weight=np.ones((len(vertices), 1)),
         pins=np.array(pins, dtype=np.int32),
         pin_frame=np.zeros(len(pins), np.int32),
+        tethers=tethers,
     )
 
 
@@ -86,7 +87,13 @@ class Unit:
 
 
 def run(
-    solver: str, settings: object, solver_step: float, folder: str, frame: float, pinned: bool
+    solver: str,
+    settings: object,
+    solver_step: float,
+    folder: str,
+    frame: float,
+    pinned: bool,
+    tethers: float | None = None,
 ) -> dict[str, float]:
     """One drape and its figures."""
     ball = Collider(name="ball", kind="sphere", bone="bone", geometry={"radius": RADIUS})
@@ -94,7 +101,7 @@ def run(
         colliders=(Collider(name="frame_bone", kind="frame", bone="bone"), ball)
     )
     simulation = Simulation(
-        (cloth((0, 49) if pinned else ()),),
+        (cloth((0, 49) if pinned else (), tethers),),
         colliders,
         solver=solver,
         settings=settings,  # type: ignore[arg-type]
@@ -150,6 +157,7 @@ def main() -> None:
     parser.add_argument("--iterations", type=int, default=1, help="passes or sweeps in each")
     parser.add_argument("--bending-every", type=int, default=4)
     parser.add_argument("--pinned", type=float, help="hang it by two corners; frame [s]")
+    parser.add_argument("--tethers", type=float, help="with tethers that stretch by this part")
     parser.add_argument("--json", action="store_true", help="print one JSON object only")
     options = parser.parse_args()
     figures = {}
@@ -169,7 +177,9 @@ def main() -> None:
             else:
                 settings, step = RelaxationSettings(sweeps=options.iterations), frame / n
             figures[n] = run(
-                options.solver, settings, step, folder, frame, options.pinned is not None
+                *(options.solver, settings, step, folder, frame),
+                pinned=options.pinned is not None,
+                tethers=options.tethers,
             )
             if not options.json:
                 print(f"{n} sub-steps: " + ", ".join(f"{k} {v}" for k, v in figures[n].items()))

@@ -7,11 +7,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.warm_up import warm_up
 
+SOLVERS = ("relaxation", "xpbd")
 SCRIPT = """
 import importlib.util
 spec = importlib.util.spec_from_file_location("conftest_of_tests", {conftest!r})
@@ -20,11 +22,12 @@ spec.loader.exec_module(tests)
 spec = importlib.util.spec_from_file_location("repeats", {this!r})
 repeats = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(repeats)
-print(repeats.digest(tests.Cloth))
+for solver in repeats.SOLVERS:
+    print(repeats.digest(tests.Cloth, solver))
 """
 
 
-def digest(cloth):
+def digest(cloth, solver):
     """Hash of all positions of a cloth that is dragged over two colliders for a second."""
     vertices, triangles = cloth.grid(20, 20)
     garment = cloth.garment(vertices, triangles, pins=range(20), friction=0.3, damping=0.5)
@@ -39,6 +42,7 @@ def digest(cloth):
                 geometry={"radius0": 0.08, "radius1": 0.04, "length": 0.3},
             ),
         ),
+        solver=solver,
     )
     hashed = hashlib.sha256()
     start = ColliderPoses.identity(3)
@@ -56,15 +60,17 @@ def digest(cloth):
     return hashed.hexdigest()
 
 
-def test_the_same_bits_twice_in_one_process(cloth):
-    assert digest(cloth) == digest(cloth)
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_the_same_bits_twice_in_one_process(cloth, solver):
+    assert digest(cloth, solver) == digest(cloth, solver)
 
 
 def test_the_same_bits_in_another_process(cloth):
-    warm_up()
+    for solver in SOLVERS:
+        warm_up(solver)
     conftest = Path(__file__).parents[1] / "conftest.py"
     script = SCRIPT.format(conftest=str(conftest), this=__file__)
     result = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, env=os.environ, check=True
     )
-    assert result.stdout.strip() == digest(cloth)
+    assert result.stdout.split() == [digest(cloth, solver) for solver in SOLVERS]
