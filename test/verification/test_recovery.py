@@ -12,6 +12,7 @@ from garment_sim_ros.sim.simulation import Simulation
 
 BALL = Collider(name="ball", kind="sphere", bone="bone", geometry={"radius": 0.1})
 STEP = 1 / 180
+SOLVERS = ("relaxation", "xpbd", "implicit")
 
 
 def at(x):
@@ -49,7 +50,7 @@ def damage(state, kind):
         state.v[-3] = np.nan
 
 
-@pytest.mark.parametrize("solver", ["relaxation", "xpbd"])
+@pytest.mark.parametrize("solver", SOLVERS)
 def test_damage_stays_where_it_was(cloth, solver):
     simulation, path = swinging(cloth, solver)
     state, health = simulation.state("cloth"), simulation.health("cloth")
@@ -63,7 +64,8 @@ def test_damage_stays_where_it_was(cloth, solver):
         recovered = health.recovered
         state.assign(begin)
         simulation.advance(path[60], path[61])
-        assert (state.x == expected.x).all()  # One step does not depend on what was before.
+        # One step hardly depends on what was before: `implicit` remembers a little.
+        assert np.abs(state.x - expected.x).max() < 1e-5
         state.assign(begin)
         damage(state, kind)
         bad = np.isnan(state.x).any(axis=1) | (state.x != begin.x).any(axis=1)
@@ -79,7 +81,7 @@ def test_damage_stays_where_it_was(cloth, solver):
         assert off[to_bad > 0.081].max() < 2e-5
 
 
-@pytest.mark.parametrize("solver", ["relaxation", "xpbd"])
+@pytest.mark.parametrize("solver", SOLVERS)
 def test_a_garment_with_many_goes_back_to_where_it_was_with_its_pins(cloth, solver):
     simulation, path = swinging(cloth, solver)
     state, health = simulation.state("cloth"), simulation.health("cloth")
@@ -98,7 +100,7 @@ def test_a_garment_with_many_goes_back_to_where_it_was_with_its_pins(cloth, solv
     assert health.resets == 1
 
 
-@pytest.mark.parametrize("solver", ["relaxation", "xpbd"])
+@pytest.mark.parametrize("solver", SOLVERS)
 def test_a_second_of_forces_that_are_not_numbers_leaves_a_good_cloth(cloth, solver):
     simulation, path = swinging(cloth, solver)
     before = simulation.positions("cloth").copy()
