@@ -15,6 +15,7 @@ COMMANDS = {
     "demo": "run a dressed, moving avatar over ROS 2; record, measure and draw it",
     "fit": "fit colliders to a body",
     "info": "tell what would be modelled for an avatar and its outfit, and why",
+    "stability": "drive the solvers to extremes and tell where they hold",
 }
 """Each is a module beside this one with `EXAMPLE`, `add_arguments(parser)`, and `run(args)`, which
 returns what `--json` prints. Only the one that is called is loaded."""

@@ -16,8 +16,6 @@ from garment_sim_ros.sim.sample_points import meet_between
 
 _SHORT = np.float32(6e-4)
 """In a shorter sub-step [s] a coordinate's last place is too much velocity to round to."""
-_SLOW = 0.03
-"""So it is in any sub-step where cloth moves less than this, on average [m/s]."""
 
 
 @kernel()
@@ -101,6 +99,7 @@ def run_sub_steps(
     count,
     iterations,
     bending_every,
+    slow,
     motion,
 ):
     """Advances one garment by `count` sub-steps; see `solvers.xpbd.step`.
@@ -140,6 +139,7 @@ def run_sub_steps(
         count: Number of sub-steps.
         iterations: Passes over the edges in each.
         bending_every: Sub-steps for each pass over the hinges and each search for contacts.
+        slow: RMS speed below which edges are solved more exactly [m/s].
         motion: Output, sum and maximum of squared speeds [m^2/s^2], shape [2].
 
     Returns:
@@ -150,7 +150,7 @@ def run_sub_steps(
     loose = 3 * free
     touching = 0
     # Written so that a motion that is not known counts as none.
-    hurried = iterations == 1 and dt > _SHORT and motion[0] > free * _SLOW**2
+    hurried = iterations == 1 and dt > _SHORT and motion[0] > free * slow**2
     still = same_poses(start[0], start[1], end[0], end[1])
     if still:
         pose_shapes(shapes, end[0], end[1], end[0], end[1], origin, scratch, posed)
