@@ -2,7 +2,8 @@
 
 A cell fails where anything is not finite, where the garment leaves all bounds, where energy grows
 after the disturbance has ended, where the garment does not come to rest, where it rests elsewhere
-than without the disturbance although there is only one place, or where it had to be reset.
+than without the disturbance although there is only one place, or where it had to be mended or
+reset, unless the body jumped or what came in was broken.
 """
 
 import math
@@ -78,6 +79,11 @@ class _Run:
     def resets(self) -> int:
         """Times that a garment had to be put back."""
         return sum(self.simulation.health(n).resets for n in self.simulation.names)
+
+    @property
+    def mended(self) -> int:
+        """Particles that had to be put right."""
+        return sum(self.simulation.health(n).recovered for n in self.simulation.names)
 
     @property
     def speed(self) -> float:
@@ -247,14 +253,18 @@ def _verdict(scene: Scene, still: _Run, run: _Run, calm: _Calm) -> Outcome:
     faults = []
     figures: dict[str, float] = {
         "resets": run.resets,
+        "mended": run.mended,
         "rejected": run.rejected,
         "farthest": run.farthest / scene.size,
     }
     if not (run.finite and math.isfinite(sum(calm.outer))):
         faults.append("not finite")
         return Outcome(faults=tuple(faults), figures=figures)
-    if run.resets:
+    may_break = scene.broken or scene.jump is not None
+    if run.resets and not may_break:
         faults.append("reset")
+    if run.mended and not may_break:
+        faults.append("mended")
     if run.farthest > BOX * scene.size:
         faults.append("out of bounds")
     strain, usual = _strain(run.simulation), _strain(still.simulation)
