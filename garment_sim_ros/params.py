@@ -222,6 +222,19 @@ class HullSettings:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class SdfSettings:
+    """How to sample signed distances."""
+
+    voxel: float = parameter(
+        0.01,
+        "Distance of the samples of a signed distance.",
+        unit="m",
+        minimum=0.001,
+        maximum=0.1,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class EllipsoidSettings:
     """How to fit ellipsoids."""
 
@@ -264,7 +277,7 @@ class _ColliderKind:
     method: str = parameter(
         "hulls",
         "Kind of colliders.",
-        choices=("hulls", "capsules", "ellipsoids", "spheres", "mesh"),
+        choices=("hulls", "capsules", "ellipsoids", "spheres", "sdf", "mesh"),
     )
     thickness: float = parameter(
         0.002, "Distance that cloth keeps on top.", unit="m", minimum=0.0, maximum=0.1
@@ -272,7 +285,7 @@ class _ColliderKind:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class ColliderOptions(EllipsoidSettings, HullSettings, _ColliderKind):
+class ColliderOptions(SdfSettings, EllipsoidSettings, HullSettings, _ColliderKind):
     """Which colliders a body gets."""
 
 

@@ -23,6 +23,7 @@ from garment_sim_ros.colliders.hulls import fit_hulls
 from garment_sim_ros.colliders.mixed import fit_mixed
 from garment_sim_ros.colliders.motion_report import motion_report
 from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.colliders.signed_distance import fit_signed_distances
 from garment_sim_ros.colliders.surfaces import surface
 from garment_sim_ros.colliders.thresholds import REGIONS
 from garment_sim_ros.declaration import Declaration
@@ -30,7 +31,13 @@ from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.params import EllipsoidSettings, HullSettings, declarations, validated
+from garment_sim_ros.params import (
+    EllipsoidSettings,
+    HullSettings,
+    SdfSettings,
+    declarations,
+    validated,
+)
 from garment_sim_ros.tradeoff.render import Camera, Surface, render
 
 EXAMPLE = "garment-sim fit avatar.glb --out colliders.json --preview colliders.png"
@@ -39,7 +46,7 @@ _FRONT, _SIDE, _BACK = (2.5, 0.8, 0.2), (0.3, 2.6, 0.2), (-2.5, 0.8, 0.2)
 
 _CLIP_POSES = 30
 
-METHODS = ("capsule", "sphere", "ellipsoid", "hull", "auto", "mesh")
+METHODS = ("capsule", "sphere", "ellipsoid", "hull", "sdf", "auto", "mesh")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,11 +56,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--method",
         choices=METHODS,
         default="hull",
-        help="kind of collider; auto: for each part the tightest at equal run-time cost; "
+        help="kind of collider; sdf: sampled signed distances; auto: for each part the tightest at equal run-time cost; "
         "mesh: the skin itself, exact and slow",
     )
     for title, settings in (
-        ("of the methods hull and auto", HullSettings),
+        ("of the methods hull and auto; delta, merge and joints of sdf, too", HullSettings),
+        ("of the method sdf", SdfSettings),
         ("of the method ellipsoid", EllipsoidSettings),
     ):
         group = parser.add_argument_group(title)
@@ -128,6 +136,21 @@ def _fit(body: Body, args: argparse.Namespace) -> tuple[ColliderSet, dict[str, A
             if shape.kind != "hull":
                 print(f"{shape.name}: {shape.kind}, {shape.note}")
         return fit.colliders, {"shapes": hull_report(fit)}
+    if args.method == "sdf":
+        hull = validated(
+            HullSettings, {name: getattr(args, name) for name in declarations(HullSettings)}
+        )
+        grids = fit_signed_distances(
+            body,
+            SdfSettings(voxel=args.voxel),
+            delta=hull.delta,
+            merge=hull.merge,
+            bend=hull.joints != "none",
+        )
+        for grid in grids.shapes:
+            if grid.note:
+                print(f"{grid.name}: {grid.note}")
+        return grids.colliders, {"shapes": grids.report()}
     if args.method == "auto":
         settings = {name: getattr(args, name) for name in declarations(HullSettings)}
         mixed, report = fit_mixed(

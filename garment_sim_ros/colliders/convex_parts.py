@@ -55,7 +55,7 @@ def convex_parts(surface: FloatArray, *, saving: float, most: int) -> list[Float
     Returns:
         Surfaces whose hulls together contain the solid.
     """
-    parts = [_assess(np.concatenate([surface, *_lids(*_rims(surface))]), saving)]
+    parts = [_assess(closed(surface), saving)]
     while len(parts) < most:
         best = max(parts, key=lambda part: part.saving)
         if best.saving <= saving:
@@ -69,10 +69,15 @@ def convex_parts(surface: FloatArray, *, saving: float, most: int) -> list[Float
     return [part.surface for part in parts]
 
 
+def closed(surface: FloatArray) -> FloatArray:
+    """A surface [t, 3, 3] with a lid over each of its holes."""
+    return np.concatenate([surface, *_lids(*_rims(surface))])
+
+
 def cut(surface: FloatArray, plane: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The solids below and above a plane (unit normal, offset), closed by lids on it."""
     below, above, segments = split(surface, surface @ plane[:3] - plane[3])
-    lids = _lids(*_weld(segments))
+    lids = _lids(*weld(segments))
     turned = [lid[:, ::-1] for lid in lids]
     return np.concatenate([below, *lids]), np.concatenate([above, *turned])
 
@@ -105,7 +110,7 @@ def split(corners: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArr
     return np.concatenate(sides[0]), np.concatenate(sides[1]), np.concatenate(segments)
 
 
-def _weld(corners: FloatArray) -> tuple[FloatArray, IntArray]:
+def weld(corners: FloatArray) -> tuple[FloatArray, IntArray]:
     """Distinct points, and the point of each corner, of simplices [n, k, 3]."""
     flat = corners.reshape(-1, 3)
     if len(flat) == 0:
@@ -128,7 +133,7 @@ def _components(corner: IntArray, size: int) -> IntArray:
 
 def _rims(surface: FloatArray) -> tuple[FloatArray, IntArray]:
     """The edges of holes, turned for `_lids`: points [n, 3] and pairs of them [e, 2]."""
-    points, corner = _weld(surface)
+    points, corner = weld(surface)
     size = len(points)
     start, end = corner.ravel(), np.roll(corner, -1, axis=1).ravel()
     alone = ~np.isin(start * size + end, end * size + start) & (start != end)
@@ -152,7 +157,7 @@ def _separate(surface: FloatArray, saving: float, most: int) -> list[FloatArray]
     """Connected solids, joined unless to be apart saves enough hull volume."""
     if len(surface) == 0:
         return []
-    points, corner = _weld(surface)
+    points, corner = weld(surface)
     label = _components(corner, len(points))
     solids = [surface[label == k] for k in np.argsort(-np.bincount(label))]
     groups: list[FloatArray] = []
@@ -177,7 +182,7 @@ def _assess(surface: FloatArray, worth: float) -> _Part:
     No cut saves more than what the hull has over the solid; where that is not `worth` it, none is
     looked for.
     """
-    points, corner = _weld(surface)
+    points, corner = weld(surface)
     volume = _hull_volume(points)
     a, b, c = (surface - surface[0, 0]).transpose(1, 0, 2)
     solid = float(np.einsum("tk,tk->", a, np.cross(b, c))) / 6.0

@@ -2,9 +2,12 @@
 
 The text is canonical: the same set gives the same bytes, and reading it back gives the same
 bits, so that its revision (SHA-256 of the geometry) is checked on arrival. Incoming text is
-never trusted.
+never trusted. Arrays are lists of numbers, but for the samples of an sdf: an object with their
+``shape`` and, under ``int16``, the little-endian bytes in base64, x slowest.
 """
 
+import base64
+import binascii
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.errors import GeometryError, InputFileError, MessageError
+from garment_sim_ros.geometry.distance_grid import DistanceGrid
 from garment_sim_ros.geometry.ellipsoid_refit import REFIT_KEYS, refit_entries
 from garment_sim_ros.geometry.shapes import KINDS, Collider, ColliderSet
 from garment_sim_ros.geometry.skinned_mesh import SkinnedMesh
@@ -117,6 +121,9 @@ def load_colliders(path: str | Path) -> ColliderSet:
 
 def _plain(value: object) -> Any:
     array = np.asarray(value)
+    if array.dtype == np.int16:
+        text = base64.b64encode(array.astype("<i2").tobytes()).decode("ascii")
+        return {"shape": list(array.shape), "int16": text}
     return (array if array.dtype.kind in "iu" else array.astype(np.float64)).tolist()
 
 
@@ -165,6 +172,21 @@ def _array(value: Any, what: str) -> np.ndarray:
     return array
 
 
+def _samples(value: Any, what: str) -> np.ndarray:
+    """Samples of a distance [nx, ny, nz]."""
+    fields = _object(value, {"shape", "int16"}, what)
+    shape, text = fields["shape"], fields["int16"]
+    if not isinstance(shape, list) or len(shape) != 3 or any(type(n) is not int for n in shape):
+        raise MessageError(_REASON, f"{what} shape is {shape!r:.80}; allowed: 3 whole numbers")
+    try:
+        samples = np.frombuffer(base64.b64decode(text, validate=True), "<i2")
+    except (TypeError, ValueError, binascii.Error):
+        raise MessageError(_REASON, f"{what} int16 must be 16-bit numbers in base64") from None
+    if min(shape) < 1 or shape[0] * shape[1] * shape[2] != len(samples):
+        raise MessageError(_REASON, f"{what} has {len(samples)} samples; its shape is {shape}")
+    return samples.reshape(shape).astype(np.int16)
+
+
 def _vector(value: Any, what: str, size: int) -> np.ndarray:
     array = _array(value, what)
     if array.shape != (size,):
@@ -201,11 +223,12 @@ def _geometry(kind: str, geometry: dict[str, Any], what: str) -> Mapping[str, ob
         "capsule": {"radius0", "radius1", "length"},
         "ellipsoid": {"radii"},
         "hull": {"vertices", "faces"},
+        "sdf": {"cell", "step", "distance"},
         "mesh": {"vertices", "triangles", "frame", "weight", "bind"},
         "frame": set(),
     }
     if kind in simple:
-        optional = {"share"} & set(geometry) if kind in ("sphere", "hull") else set()
+        optional = {"share"} & set(geometry) if kind in ("sphere", "hull", "sdf") else set()
         if kind == "ellipsoid" and "points" in geometry:
             optional = set(REFIT_KEYS)
         _object(geometry, simple[kind] | optional, f"{what} geometry")
@@ -240,4 +263,11 @@ def _geometry(kind: str, geometry: dict[str, Any], what: str) -> Mapping[str, ob
         if faces.dtype.kind == "f" or faces.min() < 0 or faces.max() >= len(vertices):
             raise MessageError(_REASON, f"{what} faces must be indices 0..{len(vertices) - 1}")
         return {"vertices": vertices, "faces": faces.astype(np.int32), **shared}
+    if kind == "sdf":
+        grid = DistanceGrid(
+            cell=_number(geometry["cell"], f"{what} cell", 1e-9, MAX_COORDINATE),
+            step=_number(geometry["step"], f"{what} step", 1e-12, MAX_COORDINATE),
+            distance=_samples(geometry["distance"], f"{what} distance"),
+        )
+        return {**grid.geometry(), **shared}
     return {_name(key, f"{what} key"): _array(geometry[key], f"{what} {key}") for key in geometry}

@@ -15,6 +15,7 @@ from garment_sim_ros.colliders.fatness import fatness
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.regions import bone_weights, vertex_areas
 from garment_sim_ros.colliders.surfaces import surface
+from garment_sim_ros.geometry.distance_grid import DistanceGrid
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.geometry.transforms import invert_transform, transform_from, transform_points
@@ -68,7 +69,8 @@ def fit_report(body: Body, colliders: ColliderSet) -> dict[str, Any]:
 def skin_distance(body: Body, colliders: ColliderSet) -> FloatArray:
     """Signed distance of every skin vertex to the union of the colliders [m], shape [v].
 
-    Measured on the shapes' meshes, so that it owes nothing to the code that cloth collides with.
+    Measured on the shapes' meshes, so that it owes nothing to the code that cloth collides with;
+    of sampled distances in double precision.
     """
     T_world_bone = np.asarray(np.linalg.inv(body.skin.T_bone_bind), np.float64)
     poses = ColliderPoser(colliders, body).poses(T_world_bone)
@@ -77,7 +79,11 @@ def skin_distance(body: Body, colliders: ColliderSet) -> FloatArray:
     T_world_collider = transform_from(poses.position, poses.orientation)
     distance = np.full(len(body.skin.vertices), np.inf)
     for collider, T in zip(colliders.colliders, T_world_collider):
-        if collider.kind != "frame":
+        if collider.kind == "sdf":
+            local = transform_points(invert_transform(T), body.skin.vertices)
+            own = DistanceGrid.of(collider.geometry).value(local)
+            distance = np.minimum(distance, own)
+        elif collider.kind != "frame":
             vertices, triangles = surface(collider, directions=_DIRECTIONS)
             mesh = MeshDistance(transform_points(T, vertices), triangles)
             distance = np.minimum(distance, mesh.signed_distance(body.skin.vertices)[0])

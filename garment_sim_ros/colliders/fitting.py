@@ -10,8 +10,8 @@ def fit_colliders(body: Body, options: ColliderOptions | None = None) -> Collide
 
     Args:
         body: Rig and skin.
-        options: Method and its settings; capsules and spheres take only `delta`,
-            the mesh none.
+        options: Method and its settings; capsules and spheres take only `delta`, signed distances
+            also `merge` and whether there are `joints`, the mesh none.
 
     Raises:
         GeometryError: The body cannot be fitted.
@@ -28,6 +28,17 @@ def fit_colliders(body: Body, options: ColliderOptions | None = None) -> Collide
         from garment_sim_ros.colliders.ellipsoid_binding import fit_ellipsoids
 
         return fit_ellipsoids(body, options, delta=delta, thickness=thickness)[0]
+    if options.method == "sdf":
+        from garment_sim_ros.colliders.signed_distance import fit_signed_distances
+
+        return fit_signed_distances(
+            body,
+            options,
+            delta=delta,
+            merge=options.merge,
+            bend=options.joints != "none",
+            thickness=thickness,
+        ).colliders
     if options.method == "mesh":
         from garment_sim_ros.colliders.exact_mesh import fit_mesh
 

@@ -121,10 +121,7 @@ def gaps(joint: Joint, hulls: list[tuple[int, Hull]]) -> tuple[FloatArray, Float
         Positions relative to the joint [m], shape [k, n, 3], and their distances to the nearest
         hull's planes, negative inside [m], shape [k, n].
     """
-    arm = joint.points - joint.centre
-    turned = arm @ np.swapaxes(joint.rotations, 1, 2)
-    w = joint.weight[:, None]
-    posed = (1.0 - w) * arm + w * turned
+    posed = turned_skin(joint)
     height = np.full(posed.shape[:2], np.inf)
     low, high = joint.points.min(axis=0) - 0.05, joint.points.max(axis=0) + 0.05
     for region, hull in hulls:
@@ -134,6 +131,18 @@ def gaps(joint: Joint, hulls: list[tuple[int, Hull]]) -> tuple[FloatArray, Float
         at = np.ascontiguousarray(seen + joint.centre).reshape(-1, 3)
         _lower_to_hull(at, hull.planes, height.reshape(-1))
     return posed, height
+
+
+def turned_skin(joint: Joint) -> FloatArray:
+    """Skin points through a joint's range, relative to the joint [m], shape [k, n, 3].
+
+    The joint alone turns, and skin follows by linear blending.
+    """
+    arm = joint.points - joint.centre
+    turned = arm @ np.swapaxes(joint.rotations, 1, 2)
+    w = joint.weight[:, None]
+    posed: FloatArray = (1.0 - w) * arm + w * turned
+    return posed
 
 
 def needed_radius(posed: FloatArray, height: FloatArray) -> float:
@@ -244,10 +253,16 @@ def covering_sphere(
 
 def turned_height(joint: Joint, posed: FloatArray, hull: Hull, share: float) -> FloatArray:
     """Distances to the planes of a hull that turns by `share`, like those of `gaps`."""
-    seen = posed @ _turned(joint.rotations, share) + joint.centre
+    seen = seen_turned(joint, posed, share)
     height = np.full(posed.shape[:2], np.inf)
     _lower_to_hull(seen.reshape(-1, 3), hull.planes, height.reshape(-1))
     return height
+
+
+def seen_turned(joint: Joint, posed: FloatArray, share: float) -> FloatArray:
+    """Points of `turned_skin` in the bind pose of what turns by a share of the joint."""
+    seen: FloatArray = posed @ _turned(joint.rotations, share) + joint.centre
+    return seen
 
 
 def _turned(rotations: FloatArray, share: float) -> FloatArray:

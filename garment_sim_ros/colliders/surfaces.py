@@ -5,18 +5,23 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.distance_grid import DistanceGrid
+from garment_sim_ros.geometry.marching_tetrahedra import marching_tetrahedra
 from garment_sim_ros.geometry.shapes import Collider
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 
-def surface(collider: Collider, *, directions: int = 400) -> tuple[FloatArray, IntArray]:
+def surface(
+    collider: Collider, *, directions: int = 400, finest: float = 0.0
+) -> tuple[FloatArray, IntArray]:
     """A collider's surface in its own frame.
 
     Args:
         collider: Any but a frame.
         directions: Points on a round shape.
+        finest: Least size of the triangles of a sampled shape [m].
 
     Returns:
         Vertices [m], shape [v, 3], and triangles, counter-clockwise seen from outside, [t, 3].
@@ -27,6 +32,8 @@ def surface(collider: Collider, *, directions: int = 400) -> tuple[FloatArray, I
     g = collider.geometry
     if collider.kind == "hull":
         return np.asarray(g["vertices"], np.float64), np.asarray(g["faces"], np.int32)
+    if collider.kind == "sdf":
+        return _of_grid(DistanceGrid.of(g), finest)
     around = _directions(directions)
     if collider.kind == "sphere":
         points = around * _number(g["radius"])
@@ -40,6 +47,18 @@ def surface(collider: Collider, *, directions: int = 400) -> tuple[FloatArray, I
     else:
         raise GeometryError(f"collider {collider.name!r}: kind {collider.kind!r} has no surface")
     return _convex(points)
+
+
+def _of_grid(grid: DistanceGrid, finest: float) -> tuple[FloatArray, IntArray]:
+    """The surface of a sampled distance, sampled anew where that is finer than asked for."""
+    if finest <= grid.cell:
+        field = grid.distance.astype(np.float64)
+        return marching_tetrahedra(field, grid.low, grid.cell)
+    box = grid.box()
+    low = box[:3] - finest
+    count = np.ceil((box[3:] + finest - low) / finest).astype(int) + 1
+    at = low + finest * np.indices(count).reshape(3, -1).T
+    return marching_tetrahedra(grid.value(at).reshape(count), low, finest)
 
 
 def _number(value: object) -> float:

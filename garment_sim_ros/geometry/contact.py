@@ -18,14 +18,15 @@ from garment_sim_ros.geometry.contact_block import (
     OUTER,
     ROWS,
     WHICH,
-    capsule_distances,
-    ellipsoid_distances_if_any,
-    hull_distances_if_any,
     keep_nearest,
     keep_nearest_by_side,
     load_block,
 )
-from garment_sim_ros.geometry.contact_distance import deepest_shape, shape_distance
+from garment_sim_ros.geometry.contact_distance import (
+    deepest_shape,
+    shape_distance,
+    shape_distances,
+)
 from garment_sim_ros.geometry.contact_friction import resist_slip
 from garment_sim_ros.geometry.contact_nearby import (
     DIAGONAL,
@@ -39,13 +40,10 @@ from garment_sim_ros.geometry.contact_sides import OPPOSED, PASSING, UNDER, Side
 from garment_sim_ros.geometry.contact_union import give_way, leave_all, leave_union
 from garment_sim_ros.geometry.jit import lean_kernel
 from garment_sim_ros.geometry.locality import BLOCK
-from garment_sim_ros.geometry.shapes import KINDS
 
 SingleArray = NDArray[np.float32]
 IntArray = NDArray[np.int32]
 
-_ELLIPSOID = KINDS.index("ellipsoid")
-_HULL = KINDS.index("hull")
 _ROUNDING = 1e-6
 """Error of a distance that is computed in one way or another, as a share of the coordinates."""
 
@@ -129,12 +127,7 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
         rim = thickness + rounding
         for c in range(count):
             k = near[c]
-            if shapes.kind[k] == _HULL:
-                hull_distances_if_any(shapes, posed, k, rim, block, contacts.cell, contacts.lane)
-            else:
-                capsule_distances(shapes, posed, k, block)
-                if shapes.kind[k] == _ELLIPSOID:
-                    ellipsoid_distances_if_any(shapes, posed, k, block)
+            shape_distances(shapes, posed, k, rim, block, contacts.cell, contacts.lane)
             if sides.mixed[begin // BLOCK, k]:
                 keep_nearest_by_side(k, sides.side, begin, block)
             else:

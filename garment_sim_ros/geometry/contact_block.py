@@ -12,6 +12,7 @@ from numba import types
 from numba.extending import overload
 
 from garment_sim_ros.geometry.contact_hull import highest_of_four, hull_height
+from garment_sim_ros.geometry.contact_sdf import sdf_height
 from garment_sim_ros.geometry.jit import lean_kernel
 from garment_sim_ros.geometry.locality import BLOCK
 from garment_sim_ros.geometry.shapes import KINDS
@@ -28,7 +29,7 @@ NEAREST, NEXT, WHICH = 3 * BLOCK, 4 * BLOCK, 5 * BLOCK
 OUTER = 6 * BLOCK
 """Distance to the nearest of all other shapes [m]."""
 _U, _V, _W = 7 * BLOCK, 8 * BLOCK, 9 * BLOCK
-"""Positions in the frame of the hull at hand [m]."""
+"""Positions in the frame of the hull or grid at hand [m]."""
 DISTANCE = 10 * BLOCK
 """Distance to the shape at hand [m]."""
 ROWS = 11
@@ -278,6 +279,72 @@ def _compiled_ellipsoid_distances_if_any(shapes, posed, k, block):
     if isinstance(shapes.types[shapes.fields.index("radii")], types.NoneType):
         return lambda shapes, posed, k, block: None
     return lambda shapes, posed, k, block: ellipsoid_distances(shapes, posed, k, block)
+
+
+@lean_kernel()
+def sdf_distances(shapes, posed, k, thickness, block, lane):
+    """Distances of a block to shape k, an sdf: to `DISTANCE`; above `thickness` a lower bound.
+
+    Args:
+        shapes: Packed shapes with grids.
+        posed: The same, posed.
+        k: Which one.
+        thickness: Distances above this need not be known [m].
+        block: The block's scratch.
+        lane: Scratch: particles in the shape's box, shape [BLOCK + 1].
+    """
+    cx = posed.centre[k, 0]
+    cy = posed.centre[k, 1]
+    cz = posed.centre[k, 2]
+    r00, r01, r02 = posed.rotation[k, 0, 0], posed.rotation[k, 0, 1], posed.rotation[k, 0, 2]
+    r10, r11, r12 = posed.rotation[k, 1, 0], posed.rotation[k, 1, 1], posed.rotation[k, 1, 2]
+    r20, r21, r22 = posed.rotation[k, 2, 0], posed.rotation[k, 2, 1], posed.rotation[k, 2, 2]
+    g = shapes.hull[k]
+    x0 = shapes.grids.box[g, 0]
+    y0 = shapes.grids.box[g, 1]
+    z0 = shapes.grids.box[g, 2]
+    x1 = shapes.grids.box[g, 3]
+    y1 = shapes.grids.box[g, 4]
+    z1 = shapes.grids.box[g, 5]
+    for p in range(BLOCK):
+        qx = block[X + p] - cx
+        qy = block[Y + p] - cy
+        qz = block[Z + p] - cz
+        u = r00 * qx + r10 * qy + r20 * qz
+        v = r01 * qx + r11 * qy + r21 * qz
+        w = r02 * qx + r12 * qy + r22 * qz
+        block[_U + p] = u
+        block[_V + p] = v
+        block[_W + p] = w
+        block[DISTANCE + p] = _higher(
+            _higher(_higher(x0 - u, u - x1), _higher(y0 - v, v - y1)), _higher(z0 - w, w - z1)
+        )
+    found = 0
+    for p in range(BLOCK):
+        lane[found] = p
+        found += 1 if block[DISTANCE + p] <= thickness else 0
+    flat = np.float32(1.0) / shapes.grids.cell[g, 3]
+    for n in range(found):
+        i = np.uint64(lane[n])
+        height = sdf_height(shapes, g, block[i + _ROW_U], block[i + _ROW_V], block[i + _ROW_W])
+        # The interpolation may fall faster than the way to the surface is long.
+        over = height - thickness
+        block[i + _ROW_DISTANCE] = thickness + over * flat if over > np.float32(0.0) else height
+
+
+def sdf_distances_if_any(shapes, posed, k, thickness, block, lane):
+    """As `sdf_distances`; nothing where ``shapes.grids`` is None."""
+    if shapes.grids is not None:
+        sdf_distances(shapes, posed, k, thickness, block, lane)
+
+
+@overload(sdf_distances_if_any, inline="always")
+def _compiled_sdf_distances_if_any(shapes, posed, k, thickness, block, lane):
+    if isinstance(shapes.types[shapes.fields.index("grids")], types.NoneType):
+        return lambda shapes, posed, k, thickness, block, lane: None
+    return lambda shapes, posed, k, thickness, block, lane: sdf_distances(
+        shapes, posed, k, thickness, block, lane
+    )
 
 
 @lean_kernel()

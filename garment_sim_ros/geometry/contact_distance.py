@@ -1,10 +1,17 @@
-"""Signed distance of a point to any collider shape, and which of several is the deepest."""
+"""Signed distance to any collider shape, of a point or a block; which of several is the deepest."""
 
 import numpy as np
 
+from garment_sim_ros.geometry.contact_block import (
+    capsule_distances,
+    ellipsoid_distances_if_any,
+    hull_distances_if_any,
+    sdf_distances_if_any,
+)
 from garment_sim_ros.geometry.contact_capsule import capsule_distance
 from garment_sim_ros.geometry.contact_ellipsoid import ellipsoid_distance_if_any
 from garment_sim_ros.geometry.contact_hull import hull_distance_if_any
+from garment_sim_ros.geometry.contact_sdf import sdf_distance_if_any
 from garment_sim_ros.geometry.contact_sphere import sphere_distance
 from garment_sim_ros.geometry.jit import lean_kernel
 from garment_sim_ros.geometry.shapes import KINDS
@@ -12,6 +19,7 @@ from garment_sim_ros.geometry.shapes import KINDS
 _SPHERE = KINDS.index("sphere")
 _ELLIPSOID = KINDS.index("ellipsoid")
 _HULL = KINDS.index("hull")
+_SDF = KINDS.index("sdf")
 
 
 @lean_kernel(forceinline=True)
@@ -26,6 +34,8 @@ def shape_distance(shapes, posed, k, px, py, pz, reach):
         return hull_distance_if_any(shapes, posed, k, qx, qy, qz, reach)
     if shapes.kind[k] == _ELLIPSOID:
         return ellipsoid_distance_if_any(shapes, posed, k, qx, qy, qz, reach)
+    if shapes.kind[k] == _SDF:
+        return sdf_distance_if_any(shapes, posed, k, qx, qy, qz, reach)
     return capsule_distance(
         qx,
         qy,
@@ -39,6 +49,23 @@ def shape_distance(shapes, posed, k, px, py, pz, reach):
         shapes.size[k, 3],
         reach,
     )
+
+
+@lean_kernel(forceinline=True)
+def shape_distances(shapes, posed, k, thickness, block, cell, lane):
+    """Distances of a block to shape k: to `DISTANCE`; above `thickness` lower bounds.
+
+    Args: as `hull_distances`.
+    """
+    kind = shapes.kind[k]
+    if kind == _HULL:
+        hull_distances_if_any(shapes, posed, k, thickness, block, cell, lane)
+    elif kind == _SDF:
+        sdf_distances_if_any(shapes, posed, k, thickness, block, lane)
+    else:
+        capsule_distances(shapes, posed, k, block)
+        if kind == _ELLIPSOID:
+            ellipsoid_distances_if_any(shapes, posed, k, block)
 
 
 @lean_kernel(forceinline=True)

@@ -1,5 +1,6 @@
 """Collider shapes as flat arrays: packed once, posed once per step, met by all garments."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,8 @@ from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.contact_capsule import capsule_size
 from garment_sim_ros.geometry.contact_ellipsoid import ellipsoid_bound, ellipsoid_size
 from garment_sim_ros.geometry.contact_hull import PackedHulls, hull_bound, pack_hulls
+from garment_sim_ros.geometry.contact_sdf import PackedGrids, pack_grids
+from garment_sim_ros.geometry.distance_grid import DistanceGrid
 from garment_sim_ros.geometry.jit import lean_kernel
 from garment_sim_ros.geometry.shapes import KINDS, Collider, ColliderPoses, ColliderSet
 
@@ -24,14 +27,16 @@ class PackedShapes(NamedTuple):
         kind: Index into `KINDS`, shape [m].
         collider: Index into the set, shape [m].
         size: Numbers of the kind, see ``contact_<kind>.py``, shape [m, 4].
-        hull: Index of each hull in `hulls`, 0 for other kinds, shape [m].
+        hull: Index of each hull in `hulls` and of each sdf in `grids`, 0 for other kinds, shape
+            [m].
         bound: A capsule that holds the shape, in the shape's frame [m]: start, end and radius,
             shape [m, 7].
-        box: Centre and half extents of a hull's box, in its frame [m]; zero for other kinds, whose
-            bounding capsule is as good, shape [m, 6].
+        box: Centre and half extents of a hull's or sdf's box, in its frame [m]; zero for other
+            kinds, whose bounding capsule is as good, shape [m, 6].
         longest: Length of the longest of those capsules, a measure for the whole body [m].
         radii: Radii of ellipsoids, shape [m, 3]; None without any, like `hulls`.
         hulls: What hulls need besides; None without any, which keeps their code out of kernels.
+        grids: The same of sdfs.
     """
 
     kind: IntArray
@@ -43,6 +48,7 @@ class PackedShapes(NamedTuple):
     longest: np.float32
     radii: SingleArray | None
     hulls: PackedHulls | None
+    grids: PackedGrids | None
 
 
 class PosedShapes(NamedTuple):
@@ -93,11 +99,13 @@ def _packed(collider: Collider) -> tuple[tuple[float, ...], tuple[float, ...]]:
             return size, ellipsoid_bound(size)
         if collider.kind == "hull":
             return (0.0, 0.0, 0.0, 0.0), hull_bound(np.asarray(g["vertices"], np.float64))
+        if collider.kind == "sdf":
+            return (0.0, 0.0, 0.0, 0.0), hull_bound(DistanceGrid.of(g).rim())
     except (TypeError, ValueError, GeometryError) as error:
         raise GeometryError(f"collider {collider.name!r}: {error}") from None
     raise GeometryError(
         f"collider {collider.name!r}: no contact with kind {collider.kind!r}; "
-        "allowed: sphere, capsule, ellipsoid, hull, frame"
+        "allowed: sphere, capsule, ellipsoid, hull, sdf, frame"
     )
 
 
@@ -113,27 +121,45 @@ def pack(colliders: ColliderSet) -> PackedShapes:
     bound = np.array([bound for _, bound in packed], dtype=np.float64).reshape(-1, 7)
     longest = np.linalg.norm(bound[:, 3:6] - bound[:, :3], axis=1) + 2.0 * bound[:, 6]
     kind = np.array([KINDS.index(colliders.colliders[i].kind) for i in touchable], np.int32)
-    is_hull = kind == KINDS.index("hull")
-    hulls = [colliders.colliders[touchable[k]] for k in np.flatnonzero(is_hull)]
-    packed_hulls = None
     box = np.zeros((len(kind), 6))
+    hulls, is_hull = _named(colliders, touchable, "hull")
+    grids, is_grid = _named(colliders, touchable, "sdf")
+    packed_hulls = packed_grids = None
     if hulls:
-        packed_hulls = pack_hulls(
-            {c.name: (c.geometry["vertices"], c.geometry["faces"]) for c in hulls}
-        )
-        low, high = packed_hulls.box[:, :3], packed_hulls.box[:, 3:]
-        box[is_hull] = np.hstack([0.5 * (low + high), 0.5 * (high - low)])
+        packed_hulls = pack_hulls({name: (g["vertices"], g["faces"]) for name, g in hulls.items()})
+        box[is_hull] = _middle_and_half(packed_hulls.box)
+    if grids:
+        packed_grids = pack_grids(grids)
+        box[is_grid] = _middle_and_half(packed_grids.box)
     return PackedShapes(
         kind=kind,
         collider=np.array(touchable, dtype=np.int32),
         size=size,
-        hull=np.where(is_hull, np.cumsum(is_hull) - 1, 0).astype(np.int32),
+        hull=np.where(
+            is_hull, np.cumsum(is_hull) - 1, np.where(is_grid, np.cumsum(is_grid) - 1, 0)
+        ).astype(np.int32),
         bound=bound,
         box=box,
         longest=np.float32(longest.max(initial=0.0)),
         radii=size[:, :3].copy() if (kind == KINDS.index("ellipsoid")).any() else None,
         hulls=packed_hulls,
+        grids=packed_grids,
     )
+
+
+def _named(
+    colliders: ColliderSet, touchable: list[int], kind: str
+) -> tuple[dict[str, Mapping[str, object]], NDArray[np.bool_]]:
+    """Geometry by name of the shapes of one kind, and which of the touchable ones they are."""
+    shapes = [colliders.colliders[i] for i in touchable]
+    own = [c.kind == kind for c in shapes]
+    return {c.name: c.geometry for c in shapes if c.kind == kind}, np.array(own, np.bool_)
+
+
+def _middle_and_half(box: SingleArray) -> SingleArray:
+    """Centre and half extents of boxes that are given by their corners, shape [n, 6]."""
+    low, high = box[:, :3], box[:, 3:]
+    return np.hstack([0.5 * (low + high), 0.5 * (high - low)])
 
 
 @lean_kernel()

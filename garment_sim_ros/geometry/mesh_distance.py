@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.jit import exact_kernel, kernel
+from garment_sim_ros.geometry.winding_number import insides, refit_dipoles
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -96,6 +97,15 @@ class MeshDistance:
             triangle,
         )
         return distance, closest, triangle
+
+    def is_inside(self, points: FloatArray) -> NDArray[np.bool_]:
+        """Which points [n, 3] the mesh goes around, by the winding number; it may have holes."""
+        dipoles = np.zeros((len(self._boxes), 7))
+        refit_dipoles(self._x, self._triangles, self._depth, self._boxes, dipoles)
+        inside = np.empty(len(points), np.bool_)
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        insides(self._x, self._triangles, self._depth, dipoles, points, inside)
+        return inside
 
     def _update(self) -> None:
         _pseudo_normals(

@@ -24,11 +24,12 @@ GEOMETRY_KEYS: Mapping[str, tuple[str, ...]] = {
     "capsule": ("radius0", "radius1", "length"),
     "ellipsoid": ("radii",),
     "hull": ("vertices", "faces"),
+    "sdf": ("cell", "step", "distance"),
     "mesh": ("vertices", "triangles", "frame", "weight", "bind"),
     "frame": (),
 }
-"""Required geometry entries [m]; a capsule runs from z = 0 to z = length; for the mesh see
-`skinned_mesh`."""
+"""Required geometry entries [m]; a capsule runs from z = 0 to z = length; for the sdf see
+`distance_grid`, for the mesh `skinned_mesh`."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,6 +15,8 @@ from garment_sim_ros.sim.state import ColliderState
 
 _COLOUR = ColorRGBA(r=0.35, g=0.55, b=0.85, a=0.35)
 _DIRECTIONS = 60
+_FINEST = 0.025
+"""Size of the triangles of sampled shapes [m]."""
 
 
 class ColliderMarkers:
@@ -70,7 +72,7 @@ def _shape(marker: Marker, collider: Collider) -> None:
         marker.type = Marker.SPHERE
         scale.x, scale.y, scale.z = (2.0 * float(r) for r in radii)
         return
-    vertices, triangles = surface(collider, directions=_DIRECTIONS)
+    vertices, triangles = surface(collider, directions=_DIRECTIONS, finest=_FINEST)
     marker.type = Marker.TRIANGLE_LIST
     scale.x = scale.y = scale.z = 1.0
     marker.points = [

@@ -11,11 +11,14 @@ from garment_sim_ros.sim.simulation import Simulation
 
 _CORNERS = 0.1 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 _FACES = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+_GRID = np.full((3, 3, 3), 50, np.int16)
+_GRID[1, 1, 1] = -50
 _GEOMETRY: dict[str, dict[str, object]] = {
     "sphere": {"radius": 0.1},
     "capsule": {"radius0": 0.1, "radius1": 0.1, "length": 0.1},
     "ellipsoid": {"radii": np.full(3, 0.1)},
     "hull": {"vertices": _CORNERS, "faces": _FACES},
+    "sdf": {"cell": 0.1, "step": 1e-3, "distance": _GRID},
     "mesh": {
         "vertices": _CORNERS,
         "triangles": _FACES,
@@ -37,7 +40,7 @@ def warm_up(
 
     Args:
         solver: Its name.
-        kind: Kind of the colliders; the code of hulls and of ellipsoids is only compiled for sets
+        kind: Kind of the colliders; the code of hulls, sdfs and ellipsoids is only compiled for sets
             that have some.
         layers: Whether garments are worn over others.
         environment: Outer forces: wind on triangles is compiled where there is any.

@@ -4,7 +4,7 @@ import trimesh
 from scipy.special import ellipe
 
 from garment_sim_ros.body.mannequin_girth import girth
-from garment_sim_ros.body.mannequin_isosurface import marching_tetrahedra
+from garment_sim_ros.geometry.marching_tetrahedra import marching_tetrahedra
 from garment_sim_ros.body.mannequin_mesh import symmetric_mesh
 from garment_sim_ros.body.mannequin_surface import Loft, surface
 from garment_sim_ros.errors import GeometryError
