@@ -1,6 +1,6 @@
 """A closed, mirror-symmetric triangle mesh of a wanted size on a surface symmetric in y.
 
-Only the half y >= 0 is meshed: an iso-surface on a fine grid (`geometry.marching_tetrahedra`), then the
+Only the half y >= 0 is meshed: an iso-surface on a fine grid (`marching_tetrahedra`), then the
 shortest edges collapse until the wanted number of vertices is left, then rounds of edge flips,
 tangential smoothing and projection make the triangles even. The mirrored half is welded on at
 y = 0. Edge lengths are measured relative to a size field, so that hands get smaller triangles.
@@ -14,9 +14,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.geometry.marching_tetrahedra import marching_tetrahedra, normal_of
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.jit import exact_kernel
+from garment_sim_ros.geometry.marching_tetrahedra import marching_tetrahedra, normal_of
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]

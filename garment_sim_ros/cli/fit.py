@@ -56,8 +56,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--method",
         choices=METHODS,
         default="hull",
-        help="kind of collider; sdf: sampled signed distances; auto: for each part the tightest at equal run-time cost; "
-        "mesh: the skin itself, exact and slow",
+        help="kind of collider; sdf: sampled signed distances; auto: for each part the "
+        "tightest at equal run-time cost; mesh: the skin itself, exact and slow",
     )
     for title, settings in (
         ("of the methods hull and auto; delta, merge and joints of sdf, too", HullSettings),

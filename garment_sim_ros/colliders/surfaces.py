@@ -56,9 +56,9 @@ def _of_grid(grid: DistanceGrid, finest: float) -> tuple[FloatArray, IntArray]:
         return marching_tetrahedra(field, grid.low, grid.cell)
     box = grid.box()
     low = box[:3] - finest
-    count = np.ceil((box[3:] + finest - low) / finest).astype(int) + 1
-    at = low + finest * np.indices(count).reshape(3, -1).T
-    return marching_tetrahedra(grid.value(at).reshape(count), low, finest)
+    nx, ny, nz = (int(n) + 1 for n in np.ceil((box[3:] + finest - low) / finest))
+    at = low + finest * np.indices((nx, ny, nz)).reshape(3, -1).T
+    return marching_tetrahedra(grid.value(at).reshape(nx, ny, nz), low, finest)
 
 
 def _number(value: object) -> float:

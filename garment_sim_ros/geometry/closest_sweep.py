@@ -44,7 +44,7 @@ def _offer(x, triangles, t, i, j, k, nearest, foot, squared):
 
 @exact_kernel()
 def _sweep(x, triangles, nearest, foot, squared):
-    """Fills the closest triangle of each node, the closest point on it and its squared distance."""
+    """Fills each node's closest triangle, the closest point on it and its squared distance."""
     count = squared.shape
     low, high = np.empty(3, np.int64), np.empty(3, np.int64)
     for t in range(triangles.shape[0]):

@@ -1,4 +1,4 @@
-"""Signed distance to any collider shape, of a point or a block; which of several is the deepest."""
+"""Signed distance to any shape, of a point or a block, and which of several is the deepest."""
 
 import numpy as np
 

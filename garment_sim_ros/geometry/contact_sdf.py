@@ -24,7 +24,7 @@ class PackedGrids(NamedTuple):
     Attributes:
         sample: All samples, grid by grid, x slowest, flat.
         first: Where each grid starts, shape [g].
-        count: Samples along each axis, shape [g, 3].
+        nodes: Samples along each axis, shape [g, 3].
         middle: Half of the cells along each axis, shape [g, 3].
         cell: Cell [m], cells per length, metres per unit of a sample, and how steep the
             interpolation is at most, shape [g, 4].
@@ -33,7 +33,7 @@ class PackedGrids(NamedTuple):
 
     sample: NDArray[np.int16]
     first: IntArray
-    count: IntArray
+    nodes: IntArray
     middle: SingleArray
     cell: SingleArray
     box: SingleArray
@@ -51,12 +51,12 @@ def pack_grids(geometries: Mapping[str, Mapping[str, object]]) -> PackedGrids:
             grids.append(DistanceGrid.of(geometry))
         except (TypeError, ValueError, GeometryError) as error:
             raise GeometryError(f"collider {name!r}: {error}") from None
-    count = np.array([g.distance.shape for g in grids], np.int32).reshape(-1, 3)
+    nodes = np.array([g.distance.shape for g in grids], np.int32).reshape(-1, 3)
     return PackedGrids(
         sample=np.concatenate([g.distance.ravel() for g in grids]),
         first=np.cumsum([0, *(g.distance.size for g in grids)])[:-1].astype(np.int32),
-        count=count,
-        middle=(0.5 * (count - 1.0)).astype(np.float32),
+        nodes=nodes,
+        middle=(0.5 * (nodes - 1.0)).astype(np.float32),
         cell=np.array(
             [[g.cell, 1.0 / g.cell, g.step, g.steepest()] for g in grids], np.float32
         ).reshape(-1, 4),
@@ -89,9 +89,9 @@ def _cell_of(shapes, g, x, y, z):
     a = _within(u, mx + mx)
     b = _within(v, my + my)
     c = _within(w, mz + mz)
-    ny = shapes.grids.count[g, 1]
-    nz = shapes.grids.count[g, 2]
-    i = min(np.int32(a), shapes.grids.count[g, 0] - np.int32(2))
+    ny = shapes.grids.nodes[g, 1]
+    nz = shapes.grids.nodes[g, 2]
+    i = min(np.int32(a), shapes.grids.nodes[g, 0] - np.int32(2))
     j = min(np.int32(b), ny - np.int32(2))
     k = min(np.int32(c), nz - np.int32(2))
     first = np.uint64(shapes.grids.first[g] + (i * ny + j) * nz + k)

@@ -40,8 +40,8 @@ def warm_up(
 
     Args:
         solver: Its name.
-        kind: Kind of the colliders; the code of hulls, sdfs and ellipsoids is only compiled for sets
-            that have some.
+        kind: Kind of the colliders; the code of hulls, sdfs and ellipsoids is only compiled for
+            sets that have some.
         layers: Whether garments are worn over others.
         environment: Outer forces: wind on triangles is compiled where there is any.
 
