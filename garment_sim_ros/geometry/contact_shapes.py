@@ -99,14 +99,9 @@ def _packed(collider: Collider) -> tuple[tuple[float, ...], tuple[float, ...]]:
             return size, ellipsoid_bound(size)
         if collider.kind == "hull":
             return (0.0, 0.0, 0.0, 0.0), hull_bound(np.asarray(g["vertices"], np.float64))
-        if collider.kind == "sdf":
-            return (0.0, 0.0, 0.0, 0.0), hull_bound(DistanceGrid.of(g).rim())
+        return (0.0, 0.0, 0.0, 0.0), hull_bound(DistanceGrid.of(g).rim())
     except (TypeError, ValueError, GeometryError) as error:
         raise GeometryError(f"collider {collider.name!r}: {error}") from None
-    raise GeometryError(
-        f"collider {collider.name!r}: no contact with kind {collider.kind!r}; "
-        "allowed: sphere, capsule, ellipsoid, hull, sdf, frame"
-    )
 
 
 def pack(colliders: ColliderSet) -> PackedShapes:

@@ -280,7 +280,6 @@ def test_friction_holds_what_coulomb_allows_relative_to_the_moving_shape():
         ("sphere", {"radius": -1.0}, "not negative"),
         ("sphere", {"radius": "big"}, "could not convert"),
         ("capsule", {"radius0": 0.1, "radius1": 0.1, "length": float("inf")}, "finite"),
-        ("sdf", {}, "no contact with kind 'sdf'"),
     ],
 )
 def test_unusable_shapes_are_refused_by_name(kind, geometry, message):

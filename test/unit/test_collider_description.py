@@ -24,6 +24,8 @@ def example_set():
         "vertices": np.array([[0.1, 0, 0], [0, 1 / 3, 0], [0, 0, 1], [-1, -1, -1.0]]),
         "faces": np.array([[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]], np.int32),
     }
+    samples = np.arange(64, dtype=np.int16).reshape(4, 4, 4) + np.int16(1)
+    samples[1:3, 1:3, 1:3] *= -1
     return ColliderSet(
         thickness=0.002,
         colliders=(
@@ -48,7 +50,7 @@ def example_set():
                 name="shoulder",
                 kind="sdf",
                 bone="chest",
-                geometry={"grid": np.arange(8.0).reshape(2, 2, 2), "cell": 0.01},
+                geometry={"cell": 0.01, "step": 1 / 3e5, "distance": samples},
             ),
         ),
     )
