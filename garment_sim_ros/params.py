@@ -202,10 +202,7 @@ class HullSettings:
         choices=("vertices", "planes"),
     )
     merge: float = parameter(
-        0.0,
-        "A region with a smaller share of the skin joins the next one.",
-        minimum=0.0,
-        maximum=1.0,
+        0.0, "A region with a smaller share of the skin joins the next.", minimum=0.0, maximum=1.0
     )
     split: float = parameter(
         0.005,
@@ -226,11 +223,7 @@ class SdfSettings:
     """How to sample signed distances."""
 
     voxel: float = parameter(
-        0.01,
-        "Distance of the samples of a signed distance.",
-        unit="m",
-        minimum=0.001,
-        maximum=0.1,
+        0.01, "Distance of an sdf's samples.", unit="m", minimum=0.001, maximum=0.1
     )
 
 

@@ -22,7 +22,7 @@ from garment_sim_ros.colliders.joint_shapes import (
     is_covered,
     is_worth_it,
     joints,
-    seen_half_turned,
+    seen_turned,
     turned_skin,
 )
 from garment_sim_ros.colliders.regions import Regions, region_surface, skin_regions
@@ -283,7 +283,7 @@ def _joint_piece(
     if len(corners) == 0:
         return None
     piece = _sampled(corners[..., :3], voxel, delta, hold=False)
-    own = piece.value(seen_half_turned(joint, posed).reshape(-1, 3)).reshape(height.shape)
+    own = piece.value(seen_turned(joint, posed, SHARE).reshape(-1, 3)).reshape(height.shape)
     if not is_worth_it(height, own):
         return None
     left = max(float(np.minimum(height, own).max()), 0.0)
