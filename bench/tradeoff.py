@@ -59,7 +59,7 @@ class Setting:
 
 SETTINGS = [
     *(Setting(c, "relaxation", RelaxationSettings(), 3) for c in ("spheres", "capsules")),
-    *(Setting(c, "relaxation", RelaxationSettings(), 3) for c in ("ellipsoids", "hulls")),
+    *(Setting(c, "relaxation", RelaxationSettings(), 3) for c in ("ellipsoids", "sdf", "hulls")),
     *(
         Setting("hulls", "relaxation", RelaxationSettings(sweeps=sweeps), steps)
         for steps, sweeps in ((2, 3), (3, 1), (3, 10), (6, 3), (12, 3))
