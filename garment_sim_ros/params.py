@@ -232,11 +232,7 @@ class EllipsoidSettings:
     """How to fit ellipsoids."""
 
     mu_torso: float = parameter(
-        0.018,
-        "Fit error above which an ellipsoid of the torso is split.",
-        unit="m",
-        minimum=1e-6,
-        maximum=1.0,
+        0.018, "Fit error that splits one of the torso.", unit="m", minimum=1e-6, maximum=1.0
     )
     mu_limb: float = parameter(
         0.012, "The same of head, arms and legs.", unit="m", minimum=1e-6, maximum=1.0
@@ -245,11 +241,7 @@ class EllipsoidSettings:
         "", "The same of single regions: REGION=M, several apart by spaces, as left_thigh=0.03."
     )
     sigma: float = parameter(
-        1e-3,
-        "K-means stops where its centres move by no more than this.",
-        unit="m",
-        minimum=0.0,
-        maximum=1.0,
+        1e-3, "K-means stops where centres move by no more.", unit="m", minimum=0.0, maximum=1.0
     )
     max_ellipsoids: int = parameter(
         90, "Most ellipsoids; those that fit worst are split first.", minimum=15, maximum=1000
