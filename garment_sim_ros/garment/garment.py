@@ -46,6 +46,8 @@ class Garment:
         soft: Springs to places on its frames; None without.
         tethers: Part of its way over the cloth that a vertex may be farther away from its pins;
             None where nothing holds it.
+        self_collision: The distance that its parts keep from each other [m]; None where it may
+            pass through itself.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Garment:
     backstop: FloatArray | None = None
     soft: SoftAttachments | None = None
     tethers: float | None = None
+    self_collision: float | None = None
 
     def __post_init__(self) -> None:
         v = len(self.vertices)

@@ -13,6 +13,7 @@ from garment_sim_ros.garment.mesh import load_garment_mesh
 from garment_sim_ros.garment.outfit_file import GarmentEntry, read_outfit
 from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.params import ColliderOptions
+from garment_sim_ros.sim.self_collision import own_distance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,4 +82,8 @@ def _make(
         if entry.mesh is None and isinstance(entry.attachments, str) and entry.holds == Holds():
             raise  # nothing that the file says: it is the body that does not fit
         raise InputFileError(source, str(error)) from error
-    return replace(garment, layer=entry.layer), (*mesh.notes, *notes)
+    apart = entry.self_collision
+    if apart is True:
+        apart = own_distance(garment.vertices, garment.triangles, garment.material)
+    garment = replace(garment, layer=entry.layer, self_collision=apart or None)
+    return garment, (*mesh.notes, *notes)

@@ -31,10 +31,11 @@ _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _FILE_KEYS = ("version", "garments", "colliders")
 _GARMENT_KEYS = (
     *("name", "generator", "options", "mesh", "material", "attachments"),
-    *("layer", "max_distance", "backstop", "tethers", "mu"),
+    *("layer", "max_distance", "backstop", "tethers", "self_collision", "mu"),
     *("attachment_stiffness", "attachment_damping"),
 )
 _MAX_LAYER = 15
+_LARGEST_OWN_DISTANCE = 0.1
 _STRETCH = 0.02
 """What tethers allow where the file does not say."""
 _SHORTEST = 1e-6
@@ -66,6 +67,8 @@ class GarmentEntry:
         layer: Garments with a higher number are worn over those with a lower one; those with the
             same do not meet.
         holds: What holds it beside its pins.
+        self_collision: Whether it is kept from passing through itself, or the distance that its
+            parts keep from each other [m].
         mu: Thresholds of the ellipsoids that it lies on, as `EllipsoidSettings.mu`.
     """
 
@@ -77,6 +80,7 @@ class GarmentEntry:
     attachments: str | tuple[Attachment, ...]
     layer: int = 0
     holds: Holds = field(default_factory=Holds)
+    self_collision: bool | float = False
     mu: str = ""
 
 
@@ -229,6 +233,7 @@ def _garment(index: int, entry: object, folder: Path) -> GarmentEntry:
             attachments=_attachments(values.get("attachments", AUTOMATIC)),
             layer=_layer(values.get("layer", 0)),
             holds=_holds(values),
+            self_collision=_own_distance(values.get("self_collision", False)),
             mu=_thresholds(values.get("mu", "")),
         )
     except ParameterError as error:
@@ -299,6 +304,13 @@ def _vertices(name: str, value: object, allowed: str) -> tuple[int, ...]:
     if not all(isinstance(v, int) and not isinstance(v, bool) for v in value):
         raise ParameterError(name, "a vertex is not a whole number", f"allowed: {allowed}")
     return tuple(value)
+
+
+def _own_distance(value: object) -> bool | float:
+    if isinstance(value, bool):
+        return value
+    allowed = f"true, false, or a distance of {_SHORTEST:g} to {_LARGEST_OWN_DISTANCE:g} m"
+    return _number("self_collision", value, allowed, _SHORTEST, _LARGEST_OWN_DISTANCE)
 
 
 def _thresholds(value: object) -> str:

@@ -79,6 +79,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
                 p.solver,
                 kind=file.colliders.method.removesuffix("s"),
                 layers=len({entry.layer for entry in file.garments}) > 1,
+                self_collision=any(entry.self_collision for entry in file.garments),
                 environment=self._environment.values,
             )
             garment_publishers.warm_up()

@@ -12,7 +12,8 @@ class Health:
         resets: Times it was put back to its last good state because too much of it was not
             finite, or absurdly far away or fast.
         recovered: Particles that were, and were put back among their neighbours.
-        held: Free particles that a limit held in the last step: tethers, or a distance from skin.
+        held: Free particles that a limit held in the last step: tethers, or a distance from skin;
+            and pairs of the garment's own parts that were kept apart.
         settling_steps: Steps that the last `reset` took to settle.
         contacts: Free particles in contact in the last step.
         rms_speed: RMS speed of free particles after the last step [m/s].

@@ -99,6 +99,10 @@ class GarmentLike(Protocol):
     def tethers(self) -> float | None:
         """Part of its way over the cloth that a vertex may be farther from its pins; or None."""
 
+    @property
+    def self_collision(self) -> float | None:
+        """The distance that its parts keep from each other [m]; or None."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Frames:

@@ -44,7 +44,7 @@ class Simulation:
     """Garments on one body, advanced by fixed steps.
 
     Garments collide with the body, and with each other where they are in different layers (see
-    `layers`); not with themselves. Positions are kept relative to a local
+    `layers`), with themselves where they ask for it. Positions are kept relative to a local
     origin that follows the body, see `state`.
 
     Attributes:
@@ -160,6 +160,10 @@ class Simulation:
     def attached(self, name: str) -> Attached:
         """Tethers and soft attachments of a garment."""
         return self._worn[name].workspace.attached
+
+    def own_distance(self, name: str) -> float | None:
+        """The distance that parts of a garment keep from each other [m]; None without."""
+        return self._worn[name].garment.self_collision
 
     def health(self, name: str) -> Health:
         """Counts and readings of a garment."""

@@ -34,6 +34,7 @@ def warm_up(
     *,
     kind: str = "sphere",
     layers: bool = False,
+    self_collision: bool = False,
     environment: Environment | None = None,
 ) -> None:
     """Compiles, or loads from the cache, all that a `Simulation` with this solver runs.
@@ -43,6 +44,7 @@ def warm_up(
         kind: Kind of the colliders; the code of hulls, sdfs and ellipsoids is only compiled for
             sets that have some.
         layers: Whether garments are worn over others.
+        self_collision: Whether garments are kept from passing through themselves.
         environment: Outer forces: wind on triangles is compiled where there is any.
 
     Raises:
@@ -64,6 +66,7 @@ def warm_up(
         backstop=None,
         tethers=1.0,
         soft=None,
+        self_collision=0.002 if self_collision else None,
         layer=0,
     )
     frame = Collider(name="frame", kind="frame", bone="bone")

@@ -24,6 +24,7 @@ from garment_sim_ros.sim.placement import (
     places_in_frames,
 )
 from garment_sim_ros.sim.recovery import Recovery
+from garment_sim_ros.sim.self_collision import SelfCollision
 from garment_sim_ros.sim.sides import shape_sides
 from garment_sim_ros.sim.solvers import Solver
 from garment_sim_ros.sim.state import ColliderState, State, Workspace
@@ -119,7 +120,7 @@ class Worn:
             recovery=Recovery(model),
             workspace=workspace,
             health=Health(),
-            constraints=_constraints(garment, frames, model),
+            constraints=_constraints(garment, frames, model, workspace),
             attaches=by.attaches,
             x_world=np.zeros((len(model), 3), np.float32),
             normal=np.zeros((len(model), 3), np.float32),
@@ -221,7 +222,7 @@ class Worn:
 
 
 def _constraints(
-    garment: GarmentLike, frames: Frames, model: ClothModel
+    garment: GarmentLike, frames: Frames, model: ClothModel, workspace: Workspace
 ) -> tuple[Constraint, ...]:
     """Those that a garment asks for, in the order in which they act."""
     constraints: list[Constraint] = []
@@ -229,4 +230,6 @@ def _constraints(
         constraints.append(Leash(garment, frames, model))
     if garment.backstop is not None:
         constraints.append(Backstop(garment, frames, model))
+    if garment.self_collision is not None:
+        constraints.append(SelfCollision(model, garment.self_collision, workspace.contacts))
     return tuple(constraints)

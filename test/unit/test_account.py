@@ -48,6 +48,13 @@ def test_what_a_scene_asks_for_is_modelled(cloth):
     assert "contact on 1 sphere colliders" in found["models"]
 
 
+def test_a_garment_that_does_not_pass_through_itself_is_told_of(cloth):
+    garment = dataclasses.replace(cloth.garment(*cloth.grid(8, 9)), self_collision=0.002)
+    simulation = Simulation((garment,), cloth.colliders())
+    assert "cloth against itself" in account(simulation)["models"]
+    assert simulation.own_distance("cloth") == 0.002
+
+
 def test_garments_are_counted(cloth):
     found = told(cloth, BALL)["garments"]["inner"]
     assert (found["vertices"], found["triangles"], found["pinned"]) == (72, 112, 9)

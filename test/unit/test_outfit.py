@@ -46,6 +46,7 @@ def test_what_holds_a_garment_beside_its_pins(tmp_path, body):
         "    attachment_stiffness: 300\n    tethers: true\n"
         "    max_distance: [{distance: 0.2}, {distance: 0.01, vertices: [4, 5]}]\n"
         "    backstop: [{distance: 0.03, vertices: [7]}]\n"
+        "    self_collision: 0.003\n"
     )
     (skirt,) = load_outfit(outfit(tmp_path, text), body).garments
     assert skirt.pins.tolist() == [8]
@@ -56,7 +57,9 @@ def test_what_holds_a_garment_beside_its_pins(tmp_path, body):
     assert skirt.tethers == 0.02
     assert skirt.max_distance[[3, 4, 5]].tolist() == [0.2, 0.01, 0.01]
     assert np.flatnonzero(np.isfinite(skirt.backstop)).tolist() == [7]
+    assert skirt.self_collision == 0.003
     plain = load_outfit(outfit(tmp_path, SKIRT), body).garments[0]
+    assert plain.self_collision is None
     assert (plain.soft, plain.tethers, plain.backstop, plain.max_distance) == (None,) * 4
 
 
@@ -129,6 +132,12 @@ def test_options_material_and_attachments(tmp_path, body):
         (SKIRT.replace("_skirt}", "_skirt, max_distance: far}"), "max_distance: found 'far'"),
         (SKIRT.replace("_skirt}", "_skirt, max_distance: .nan}"), "max_distance: found nan"),
         (SKIRT.replace("_skirt}", "_skirt, layer: -1}"), "layer: found -1"),
+        (
+            SKIRT.replace("_skirt}", "_skirt, self_collision: 0}"),
+            "self_collision: found 0; allowed: true, false, or a distance of",
+        ),
+        (SKIRT.replace("_skirt}", "_skirt, self_collision: 1}"), "self_collision: found 1"),
+        (SKIRT.replace("_skirt}", "_skirt, self_collision: no_}"), "self_collision: found 'no_'"),
         (SKIRT.replace("_skirt}", "_skirt, backstop: -0.1}"), "backstop: found -0.1; allowed: a"),
         (SKIRT.replace("_skirt}", "_skirt, backstop: [{vertices: [3]}]}"), "backstop: found None"),
         (
