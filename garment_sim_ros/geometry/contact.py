@@ -98,7 +98,7 @@ def _length(x, y, z):
     return np.sqrt(x * x + y * y + z * z)
 
 
-@lean_kernel()
+@lean_kernel(forceinline=True)
 def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, contacts):
     """One pass over all particles; see `collide`."""
     zero = np.float32(0.0)

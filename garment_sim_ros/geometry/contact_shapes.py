@@ -157,7 +157,7 @@ def _middle_and_half(box: SingleArray) -> SingleArray:
     return np.hstack([0.5 * (low + high), 0.5 * (high - low)])
 
 
-@lean_kernel()
+@lean_kernel(forceinline=True)
 def _rotation_of(q, R):
     """Rotation matrix [3, 3] of a unit quaternion [4] in float64."""
     x, y, z, w = q[0], q[1], q[2], q[3]
@@ -172,7 +172,7 @@ def _rotation_of(q, R):
     R[2, 2] = 1 - 2 * (x * x + y * y)
 
 
-@lean_kernel()
+@lean_kernel(forceinline=True)
 def pose_shapes(shapes, position0, orientation0, position1, orientation1, origin, scratch, posed):
     """Fills `posed`; see `pose`. Computes in float64, in `scratch` of shape [3, 3, 3]."""
     R0 = scratch[0]

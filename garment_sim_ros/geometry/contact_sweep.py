@@ -115,7 +115,7 @@ def _enters(shapes, posed, k, qx, qy, qz, rx, ry, rz, length, inner, thickness):
     return np.float32(2.0), zero, zero, zero
 
 
-@lean_kernel()
+@lean_kernel(forceinline=True)
 def sweep(shapes, posed, side, way, x, x_start, thickness):
     """Stops particles where they entered a shape that they, or it, would pass through.
 

@@ -3,6 +3,11 @@
 The fast-math flags leave out ``nnan`` and ``ninf``: checks for NaN and infinity must keep working
 in every kernel.
 
+What a kernel calls is inlined (``forceinline=True``) where it is more than a few lines. A function
+that is compiled for itself and again into its caller exists twice, reordered differently by
+fast-math, and which of the two a caller gets depends on what the process compiled or called
+before: a first run would differ in the last bits from all later ones.
+
 Kernels are cached on disk. The compiler's own cache looks at a kernel's file only and not at those
 of the functions compiled into it, so that after an update of one file it would go on running the
 old code of others. Here every version of the kernels, taken together, has a cache of its own, in

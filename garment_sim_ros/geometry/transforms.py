@@ -92,7 +92,7 @@ def unit_quaternion(m):
     return x * scale, y * scale, z * scale, w * scale
 
 
-@kernel()
+@kernel(forceinline=True)
 def interpolate_poses(
     position_a, orientation_a, position_b, orientation_b, s, position, orientation
 ):

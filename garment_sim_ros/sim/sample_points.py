@@ -89,7 +89,7 @@ class SamplePoints(NamedTuple):
         )
 
 
-@kernel()
+@kernel(forceinline=True)
 def place_points(corner, weight, x, out):
     """Positions [s, 3] of points between particles at x [n, 3]."""
     for s in range(corner.shape[0]):
@@ -99,7 +99,7 @@ def place_points(corner, weight, x, out):
             out[s, d] = a * x[i, d] + b * x[j, d] + c * x[k, d]
 
 
-@kernel()
+@kernel(forceinline=True)
 def meet_between(
     shapes, posed, points, x, x_start, since, x_since, way, thickness, friction, contacts
 ):

@@ -6,7 +6,7 @@ from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.geometry.transforms import rotate
 
 
-@kernel()
+@kernel(forceinline=True)
 def pull_tethers(x, v, pin, length, rate):
     """Brings particles back to their tethers' length.
 
@@ -43,7 +43,7 @@ def pull_tethers(x, v, pin, length, rate):
     return count
 
 
-@kernel()
+@kernel(forceinline=True)
 def pull_springs(x, v, x_start, attached, position, orientation, origin, keep, dt, rate):
     """Springs of zero length between particles and places on colliders, implicit in time.
 
@@ -84,7 +84,7 @@ def pull_springs(x, v, x_start, attached, position, orientation, origin, keep, d
             v[p, k] -= move * rate
 
 
-@kernel()
+@kernel(forceinline=True)
 def pull_attached(x, v, x_start, attached, position, orientation, origin, keep, dt, rate):
     """All of them; arguments as `pull_springs`. Counts in `attached.held` whom tethers held."""
     attached.held[0] = pull_tethers(x, v, attached.pin, attached.length, rate)

@@ -29,7 +29,7 @@ def prepare_hinges(particles, weight, stiffness, inverse_mass, keep, dt, hinges)
             hinges[n, 4 + k] = keep * inverse_mass[particles[n, k]] * weight[n, k] * scale
 
 
-@kernel()
+@kernel(forceinline=True)
 def bend(x, v, particles, hinges, dt):
     """Changes velocities so that each hinge, in turn, has its force at the end of the step.
 

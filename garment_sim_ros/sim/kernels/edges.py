@@ -39,7 +39,7 @@ def prepare_edges(particles, stiffness, inverse_mass, rest_squared, keep, dt, ed
         edges[e, 3] = 1.0 / ((w0 + w1) * pull + 1.0)
 
 
-@kernel()
+@kernel(forceinline=True)
 def solve_edges(x, particles, edges):
     """One Gauss-Seidel pass from multipliers of zero (Macklin et al. 2016, equation 18).
 
@@ -70,7 +70,7 @@ def solve_edges(x, particles, edges):
         x[j + _TWO] = jz + b * dz
 
 
-@kernel()
+@kernel(forceinline=True)
 def solve_edges_apart(x, moved, particles, edges, pull, alone):
     """A pass that is more exact and slower: alone, or one of several that add up.
 

@@ -88,7 +88,7 @@ def update_velocities(
     motion[1] = fastest
 
 
-@kernel()
+@kernel(forceinline=True)
 def carry_pins(x, v, pin_collider, pin_position, position, orientation, origin, dt):
     """Moves pinned particles rigidly with their colliders.
 

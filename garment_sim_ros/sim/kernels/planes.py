@@ -11,7 +11,7 @@ import numpy as np
 from garment_sim_ros.geometry.jit import kernel
 
 
-@kernel()
+@kernel(forceinline=True)
 def remember_planes(x, x_start, shape, carry, place, ride):
     """Keeps where particles touch and how the shape moves there.
 
@@ -39,7 +39,7 @@ def remember_planes(x, x_start, shape, carry, place, ride):
                 )
 
 
-@kernel()
+@kernel(forceinline=True)
 def touch_planes(x, v, x_start, shape, normal, pressed, place, ride, friction, dt):
     """Contact with the planes: friction and inelastic, as `geometry.contact.collide` has it.
 
@@ -111,7 +111,7 @@ def touch_planes(x, v, x_start, shape, normal, pressed, place, ride, friction, d
         v[p, 2] = vz - leaving * nz
 
 
-@kernel()
+@kernel(forceinline=True)
 def stop_at_contacts(x, v, x_start, x_before, shape, normal, depth, carry, friction, dt, motion):
     """Velocities after a search: none into a shape, and less slip, by Coulomb's law.
 

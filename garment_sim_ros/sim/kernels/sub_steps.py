@@ -18,7 +18,7 @@ _SHORT = np.float32(6e-4)
 """In a shorter sub-step [s] a coordinate's last place is too much velocity to round to."""
 
 
-@kernel()
+@kernel(forceinline=True)
 def same_poses(position_a, orientation_a, position_b, orientation_b):
     """Whether two sets of poses are equal, number for number."""
     for i in range(position_a.shape[0]):
@@ -31,7 +31,7 @@ def same_poses(position_a, orientation_a, position_b, orientation_b):
     return True
 
 
-@kernel()
+@kernel(forceinline=True)
 def fall(x, v, x_start, x_predicted, push, keep, dt):
     """`kernels.motion.predict` over flat arrays, with `push` for every coordinate, shape [3 n]."""
     for i in range(v.size):
@@ -41,7 +41,7 @@ def fall(x, v, x_start, x_predicted, push, keep, dt):
         x_predicted[i] = x[i]
 
 
-@kernel()
+@kernel(forceinline=True)
 def share_out(bent, v, pull, share, push):
     """Velocity that outer forces and bending add in each sub-step; flat arrays [3 n], pull [3]."""
     for p in range(v.size // 3):
@@ -50,14 +50,14 @@ def share_out(bent, v, pull, share, push):
             push[i] = pull[k] + (bent[i] - v[i]) * share
 
 
-@kernel()
+@kernel(forceinline=True)
 def gain(x, v, x_predicted, rate):
     """Adds to velocities what constraints moved, over the sub-step; flat arrays [3 n]."""
     for i in range(v.size):
         v[i] += (x[i] - x_predicted[i]) * rate
 
 
-@kernel()
+@kernel(forceinline=True)
 def gain_apart(x, v, moved, rate):
     """The same where the movement was kept apart, which is now added to the positions."""
     for i in range(v.size):
