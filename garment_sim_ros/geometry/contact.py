@@ -24,6 +24,7 @@ from garment_sim_ros.geometry.contact_block import (
 )
 from garment_sim_ros.geometry.contact_distance import (
     deepest_shape,
+    nearest_of_block,
     shape_distance,
     shape_distances,
 )
@@ -144,7 +145,7 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
             oy = py = x[p, 1]
             oz = pz = x[p, 2]
             k = -1
-            nx = ny = nz = depth = away = zero
+            nx = ny = nz = depth = away = firm = zero
             pressed = False
             if outer < rim:
                 n = shapes_near_particle(
@@ -158,7 +159,9 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
             if nearest - away < rim:
                 if away == zero:
                     m = np.int64(block[WHICH + lane])
-                    d, mx, my, mz = shape_distance(shapes, posed, m, px, py, pz, rim)
+                    d, mx, my, mz, firm = nearest_of_block(
+                        shapes, posed, m, block, lane, px, py, pz, rim
+                    )
                     if block[NEXT + lane] < min(d, rim):
                         # What seemed the nearest by a bound is not: an ellipsoid.
                         n = shapes_near_particle(
@@ -220,7 +223,9 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
                             depth,
                             friction,
                         )
-                        d, mx, my, mz = shape_distance(shapes, posed, k, px, py, pz, rim)
+                        slip = _length(px - ox, py - oy, pz - oz)
+                        if not slip + rounding < firm:
+                            d, mx, my, mz = shape_distance(shapes, posed, k, px, py, pz, rim)
                     left = max(thickness - d, zero)
                     qx = px + mx * left
                     qy = py + my * left

@@ -1,7 +1,8 @@
 """Distances of a block of particles to one shape at a time, several particles at once.
 
-What is not an exact distance here is a lower bound of it. These passes only tell which particles
-need a closer look, and which shape is the deepest; positions come from `contact_distance`.
+What is not an exact distance here is a lower bound of it. These passes tell which particles need a
+closer look, and which shape is the deepest; of hulls also which face, so that nothing is asked
+twice. Of other shapes positions come from `contact_distance`.
 
 The scratch array of a block is flat, `BLOCK` numbers for each quantity: with offsets that are
 known when the kernel is compiled the loops run without branches, in the processor's vectors.
@@ -11,7 +12,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from garment_sim_ros.geometry.contact_hull import highest_of_four, hull_height
+from garment_sim_ros.geometry.contact_hull import two_highest
 from garment_sim_ros.geometry.contact_sdf import sdf_height
 from garment_sim_ros.geometry.jit import lean_kernel
 from garment_sim_ros.geometry.locality import BLOCK
@@ -32,8 +33,14 @@ _U, _V, _W = 7 * BLOCK, 8 * BLOCK, 9 * BLOCK
 """Positions in the frame of the hull or grid at hand [m]."""
 DISTANCE = 10 * BLOCK
 """Distance to the shape at hand [m]."""
-ROWS = 11
+PLANE, FIRM = 11 * BLOCK, 12 * BLOCK
+"""If the nearest shape is a hull: its plane there, and how far along it that stays the nearest [m].
+Numbers of planes are exact in single precision up to a quarter of a gigabyte of them."""
+_PLANE, _FIRM = 13 * BLOCK, 14 * BLOCK
+"""The same of the hull at hand."""
+ROWS = 15
 _ROW_DISTANCE = np.uint64(DISTANCE)
+_ROW_PLANE, _ROW_FIRM = np.uint64(_PLANE), np.uint64(_FIRM)
 _ROW_U, _ROW_V, _ROW_W = np.uint64(_U), np.uint64(_V), np.uint64(_W)
 
 
@@ -194,26 +201,22 @@ def hull_distances(shapes, posed, k, thickness, block, cell, lane):
     for p in range(BLOCK):
         lane[found] = p
         found += 1 if block[DISTANCE + p] <= thickness else 0
-    if thickness <= shapes.hulls.around:
-        for n in range(found):
-            i = np.uint64(lane[n])
+    in_grid = thickness <= shapes.hulls.around
+    # Beyond a grid distances are not known, beyond the overlap of its cells faces are not.
+    most = shapes.hulls.around if in_grid else np.float32(np.inf)
+    reach = shapes.hulls.overlap[h] if in_grid else np.float32(np.inf)
+    for n in range(found):
+        i = np.uint64(lane[n])
+        begin, end = shapes.hulls.first[h], shapes.hulls.first[h + 1]
+        if in_grid:
             at = np.uint64(cell[i])
-            begin = shapes.hulls.start[at]
-            end = shapes.hulls.start[at + _ONE]
-            u = block[i + _ROW_U]
-            v = block[i + _ROW_V]
-            w = block[i + _ROW_W]
-            best = highest_of_four(shapes, begin, u, v, w)
-            for four in range(begin + 1, end):
-                best = _higher(best, highest_of_four(shapes, four, u, v, w))
-            # Of a cell that is far outside no more is known.
-            block[i + _ROW_DISTANCE] = _lower(best, shapes.hulls.around)
-    else:
-        for n in range(found):
-            i = np.uint64(lane[n])
-            block[i + _ROW_DISTANCE] = hull_height(
-                shapes, h, block[i + _ROW_U], block[i + _ROW_V], block[i + _ROW_W], thickness
-            )
+            begin, end = shapes.hulls.start[at], shapes.hulls.start[at + _ONE]
+        best, second, plane = two_highest(
+            shapes, begin, end, block[i + _ROW_U], block[i + _ROW_V], block[i + _ROW_W]
+        )
+        block[i + _ROW_DISTANCE] = _lower(best, most)
+        block[i + _ROW_PLANE] = np.float32(plane)
+        block[i + _ROW_FIRM] = _lower(best - second, reach)
 
 
 def hull_distances_if_any(shapes, posed, k, thickness, block, cell, lane):
@@ -359,6 +362,8 @@ def keep_nearest(k, block):
         block[NEXT + p] = min(block[NEXT + p], other)
         block[NEAREST + p] = d if closer else n
         block[WHICH + p] = which if closer else block[WHICH + p]
+        block[PLANE + p] = block[_PLANE + p] if closer else block[PLANE + p]
+        block[FIRM + p] = block[_FIRM + p] if closer else block[FIRM + p]
 
 
 @lean_kernel()
@@ -379,3 +384,5 @@ def keep_nearest_by_side(k, side, begin, block):
         block[NEXT + p] = min(block[NEXT + p], other)
         block[NEAREST + p] = d if closer else n
         block[WHICH + p] = which if closer else block[WHICH + p]
+        block[PLANE + p] = block[_PLANE + p] if closer else block[PLANE + p]
+        block[FIRM + p] = block[_FIRM + p] if closer else block[FIRM + p]

@@ -3,6 +3,9 @@
 import numpy as np
 
 from garment_sim_ros.geometry.contact_block import (
+    FIRM,
+    NEAREST,
+    PLANE,
     capsule_distances,
     ellipsoid_distances_if_any,
     hull_distances_if_any,
@@ -10,7 +13,7 @@ from garment_sim_ros.geometry.contact_block import (
 )
 from garment_sim_ros.geometry.contact_capsule import capsule_distance
 from garment_sim_ros.geometry.contact_ellipsoid import ellipsoid_distance_if_any
-from garment_sim_ros.geometry.contact_hull import hull_distance_if_any
+from garment_sim_ros.geometry.contact_hull import hull_distance_if_any, hull_normal_if_any
 from garment_sim_ros.geometry.contact_sdf import sdf_distance_if_any
 from garment_sim_ros.geometry.contact_sphere import sphere_distance
 from garment_sim_ros.geometry.jit import lean_kernel
@@ -66,6 +69,20 @@ def shape_distances(shapes, posed, k, thickness, block, cell, lane):
         capsule_distances(shapes, posed, k, block)
         if kind == _ELLIPSOID:
             ellipsoid_distances_if_any(shapes, posed, k, block)
+
+
+@lean_kernel(forceinline=True)
+def nearest_of_block(shapes, posed, k, block, lane, px, py, pz, reach):
+    """As `shape_distance` of a particle in a block to shape k, its nearest there by `keep_nearest`.
+
+    Returns:
+        Distance and direction, and how far along the surface they stay as they are, at least [m].
+    """
+    if shapes.kind[k] == _HULL:
+        nx, ny, nz = hull_normal_if_any(shapes, posed, k, block[PLANE + lane])
+        return block[NEAREST + lane], nx, ny, nz, block[FIRM + lane]
+    d, nx, ny, nz = shape_distance(shapes, posed, k, px, py, pz, reach)
+    return d, nx, ny, nz, np.float32(0.0)
 
 
 @lean_kernel(forceinline=True)

@@ -24,13 +24,15 @@ _AROUND = 0.025
 """How far out the grids know distances, as a share of the largest hull: 1 cm on a human's trunk.
 Beyond, all planes are asked."""
 _FAR = 1e30
+_OVERLAP = 0.1
+"""How far beyond a cell of the grids its list of planes holds, too, as a share of the cell."""
 
 
 class PackedHulls(NamedTuple):
     """Hulls as flat arrays.
 
     Planes stand in fours, so that four heights are found at once: four normals' x, y and z, then
-    the offsets. Lists that do not fill their last four repeat a plane.
+    the offsets. Lists that do not fill their last four end with planes that all is far below.
 
     Attributes:
         plane: The planes, flat: lists of the cells, hull by hull, and then whole hulls.
@@ -42,6 +44,7 @@ class PackedHulls(NamedTuple):
         start: Where each cell's list starts among the fours, one more per hull, shape
             [all cells + h].
         around: How far out the grids know distances [m].
+        overlap: How far beyond a cell of each hull its list holds, too [m], shape [h].
     """
 
     plane: SingleArray
@@ -52,6 +55,7 @@ class PackedHulls(NamedTuple):
     first_cell: IntArray
     start: IntArray
     around: np.float32
+    overlap: SingleArray
 
 
 def _in_fours(
@@ -66,9 +70,10 @@ def _in_fours(
     first = np.concatenate([[0], np.cumsum(fours)])
     row = np.repeat(np.arange(len(length)), 4 * fours)
     slot = np.arange(len(row)) - 4 * first[row]
-    which = np.append(lists, len(planes))[start[row] + np.minimum(slot, length[row] - 1)]
-    which[length[row] == 0] = len(planes)
-    planes = np.vstack([planes, [0.0, 0.0, 0.0, -_FAR]])
+    which = np.append(lists, 0)[np.minimum(start[row] + slot, len(lists))]
+    which[slot >= length[row]] = len(planes)
+    which[length[row] == 0] = len(planes) + 1
+    planes = np.vstack([planes, [0.0, 0.0, 0.0, _FAR], [0.0, 0.0, 0.0, -_FAR]])
     packed = planes[which].reshape(-1, 4, 4).transpose(0, 2, 1)
     return np.ascontiguousarray(packed, np.float32).ravel(), first.astype(np.int32)
 
@@ -136,7 +141,7 @@ def pack_hulls(hulls: Mapping[str, tuple[object, object]]) -> PackedHulls:
     box = np.array(boxes).reshape(-1, 6)
     around = np.float32(_AROUND * (box[:, 3:] - box[:, :3]).max(initial=0.0))
     grids = [
-        face_grid(own, low - around, high + around, far=float(around))
+        face_grid(own, low - around, high + around, far=float(around), overlap=_OVERLAP)
         for own, low, high in zip(planes, box[:, :3], box[:, 3:])
     ]
     lists = [_in_fours(own, g.face, g.start) for own, g in zip(planes, grids)]
@@ -157,6 +162,7 @@ def pack_hulls(hulls: Mapping[str, tuple[object, object]]) -> PackedHulls:
         first_cell=first_cell[:-1].astype(np.int32),
         start=np.concatenate(none + [s + k for (_, s), k in zip(lists, at)]).astype(np.int32),
         around=around,
+        overlap=np.array([_OVERLAP * g.cell.min() for g in grids], np.float32),
     )
 
 
@@ -200,12 +206,30 @@ def _four_heights(shapes, four, x, y, z):
 
 
 @lean_kernel(forceinline=True)
-def highest_of_four(shapes, four, x, y, z):
-    """The greatest of the heights of a point over four planes."""
-    a, b, c, d = _four_heights(shapes, four, x, y, z)
-    ab = a if a > b else b
-    cd = c if c > d else d
-    return ab if ab > cd else cd
+def two_highest(shapes, begin, end, x, y, z):
+    """The two greatest heights of a point over planes, in fours from `begin` to `end` - 1.
+
+    Returns:
+        The greatest height, the one after it, and which plane has the greatest.
+    """
+    best = second = np.float32(-np.inf)
+    which = np.int32(0)
+    for four in range(begin, end):
+        a, b, c, d = _four_heights(shapes, four, x, y, z)
+        ab, ba = (a, b) if a > b else (b, a)
+        cd, dc = (c, d) if c > d else (d, c)
+        i = np.int32(0) if a > b else np.int32(1)
+        j = np.int32(2) if c > d else np.int32(3)
+        high, low = (ab, cd) if ab > cd else (cd, ab)
+        i = (i if ab > cd else j) + np.int32(4) * np.int32(four)
+        low = low if low > ba else ba
+        low = low if low > dc else dc
+        under = best if high > best else high
+        second = second if second > under else under
+        second = second if second > low else low
+        which = i if high > best else which
+        best = high if high > best else best
+    return best, second, which
 
 
 @lean_kernel(forceinline=True)
@@ -227,17 +251,32 @@ def planes_near(shapes, h, x, y, z, reach):
 
 
 @lean_kernel(forceinline=True)
-def hull_height(shapes, h, x, y, z, reach):
-    """Signed distance of a point to hull h, both in the hull's frame; huge far outside.
+def hull_normal(shapes, posed, k, plane):
+    """Unit direction out of shape k, a hull, over a plane that `two_highest` told."""
+    at = np.uint64(plane)
+    at = np.uint64(16) * (at >> np.uint64(2)) + (at & np.uint64(3))
+    nx = shapes.hulls.plane[at]
+    ny = shapes.hulls.plane[at + np.uint64(4)]
+    nz = shapes.hulls.plane[at + np.uint64(8)]
+    return (
+        posed.rotation[k, 0, 0] * nx + posed.rotation[k, 0, 1] * ny + posed.rotation[k, 0, 2] * nz,
+        posed.rotation[k, 1, 0] * nx + posed.rotation[k, 1, 1] * ny + posed.rotation[k, 1, 2] * nz,
+        posed.rotation[k, 2, 0] * nx + posed.rotation[k, 2, 1] * ny + posed.rotation[k, 2, 2] * nz,
+    )
 
-    Args: as `planes_near`.
-    """
-    begin, end = planes_near(shapes, h, x, y, z, reach)
-    best = np.float32(-np.inf)
-    for four in range(begin, end):
-        height = highest_of_four(shapes, four, x, y, z)
-        best = height if height > best else best
-    return best
+
+def hull_normal_if_any(shapes, posed, k, plane):
+    """As `hull_normal`; zero where ``shapes.hulls`` is None."""
+    if shapes.hulls is None:
+        return np.float32(0.0), np.float32(0.0), np.float32(0.0)
+    return hull_normal(shapes, posed, k, plane)
+
+
+@overload(hull_normal_if_any, inline="always")
+def _compiled_hull_normal_if_any(shapes, posed, k, plane):
+    if isinstance(shapes.types[shapes.fields.index("hulls")], types.NoneType):
+        return lambda shapes, posed, k, plane: (np.float32(0.0), np.float32(0.0), np.float32(0.0))
+    return lambda shapes, posed, k, plane: hull_normal(shapes, posed, k, plane)
 
 
 @lean_kernel(forceinline=True)

@@ -49,6 +49,7 @@ def face_grid(
     *,
     far: float = np.inf,
     cells: int = 2048,
+    overlap: float = 0.0,
 ) -> FaceGrid:
     """A grid over the box from `low` to `high`.
 
@@ -58,6 +59,7 @@ def face_grid(
         high: Highest corner, above it in every coordinate [m], shape [3].
         far: Distances above this need not be known [m].
         cells: About how many cells, nearly cubic.
+        overlap: How far beyond a cell its list holds, too, as a share of the cell's size.
     """
     extent = high - low
     edge = (extent.prod() / cells) ** (1.0 / 3.0)
@@ -66,18 +68,19 @@ def face_grid(
     start = np.zeros(int(count.prod()) + 1, np.int32)
     face = np.empty(int(count.prod()) * len(planes), np.int32)
     margin = _ROUNDING * float(extent.max())
-    _fill(np.ascontiguousarray(planes), low, cell, count, far, margin, start, face)
+    half = (0.5 + overlap) * cell
+    _fill(np.ascontiguousarray(planes), low, cell, half, count, far, margin, start, face)
     return FaceGrid(low=low, cell=cell, count=count, start=start, face=face[: start[-1]].copy())
 
 
 @exact_kernel()
-def _fill(planes, low, cell, count, far, margin, start, face):
+def _fill(planes, low, cell, half, count, far, margin, start, face):
     """Lists for all cells; a face stays unless another is above it by `margin` everywhere."""
     faces = planes.shape[0]
     height = np.empty(faces)
     loose = np.empty(faces)
     possible = np.empty(faces, dtype=np.int32)
-    ex, ey, ez = 0.5 * cell[0], 0.5 * cell[1], 0.5 * cell[2]
+    ex, ey, ez = half[0], half[1], half[2]
     for f in range(faces):
         n = planes[f]
         loose[f] = abs(n[0]) * ex + abs(n[1]) * ey + abs(n[2]) * ez + margin
