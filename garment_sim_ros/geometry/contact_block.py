@@ -34,7 +34,7 @@ _U, _V, _W = 7 * BLOCK, 8 * BLOCK, 9 * BLOCK
 DISTANCE = 10 * BLOCK
 """Distance to the shape at hand [m]."""
 PLANE, FIRM = 11 * BLOCK, 12 * BLOCK
-"""If the nearest shape is a hull: its plane there, and how far along it that stays the nearest [m].
+"""If the nearest shape is a hull: its plane, and how far along it that stays the nearest [m].
 Numbers of planes are exact in single precision up to a quarter of a gigabyte of them."""
 _PLANE, _FIRM = 13 * BLOCK, 14 * BLOCK
 """The same of the hull at hand."""

@@ -73,7 +73,7 @@ def shape_distances(shapes, posed, k, thickness, block, cell, lane):
 
 @lean_kernel(forceinline=True)
 def nearest_of_block(shapes, posed, k, block, lane, px, py, pz, reach):
-    """As `shape_distance` of a particle in a block to shape k, its nearest there by `keep_nearest`.
+    """As `shape_distance` of a particle in a block to shape k, the nearest by `keep_nearest`.
 
     Returns:
         Distance and direction, and how far along the surface they stay as they are, at least [m].

@@ -10,15 +10,17 @@ from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.colliders.hull import convex_hull
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.contact import Contacts, collide
 from garment_sim_ros.geometry.contact_hull import (
     hull_bound,
     hull_distance,
     hull_planes,
     pack_hulls,
 )
-from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack
+from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
+from garment_sim_ros.geometry.contact_sides import Sides
 from garment_sim_ros.geometry.face_grid import face_grid
-from garment_sim_ros.geometry.shapes import Collider, ColliderSet
+from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 
 CHECKED = settings(derandomize=True, deadline=None, max_examples=25)
 
@@ -112,6 +114,54 @@ def test_distances_are_those_of_all_planes(seed, reach):
         after = (out @ R) @ hull.planes[:, :3].T - hull.planes[:, 3]
         assert after.max(axis=1).min() > -1e-5
         np.testing.assert_allclose(np.linalg.norm(normal[found], axis=1), 1.0, atol=1e-5)
+
+
+@CHECKED
+@given(
+    seed=st.integers(0, 10**6),
+    slip=st.sampled_from([1e-4, 1e-3, 5e-3, 0.03]),
+    thickness=st.sampled_from([0.002, 0.05]),
+)
+def test_friction_never_leaves_a_particle_on_a_face_that_it_slid_off(seed, slip, thickness):
+    hull = random_hull(seed, 30, np.array([1.0, 0.7, 2.0]))
+    shape = Collider(
+        name="hull",
+        kind="hull",
+        bone="bone",
+        geometry={"vertices": hull.vertices, "faces": hull.faces},
+    )
+    shapes = pack(ColliderSet(colliders=(shape,)))
+    posed, still = PosedShapes.room_for(shapes), ColliderPoses.identity(1)
+    pose(shapes, still, still, np.zeros(3), posed)
+    rng = np.random.default_rng(seed)
+    weight = rng.dirichlet([1.0, 1.0, 1.0], 500)
+    at = np.einsum(
+        "nc,nck->nk", weight, hull.vertices[hull.faces[rng.integers(len(hull.faces), size=500)]]
+    )
+    x = (at * rng.uniform(0.9, 1.0, (500, 1))).astype(np.float32)
+    before = (x + rng.normal(0.0, slip, x.shape)).astype(np.float32)
+
+    def nearest(p):
+        height = p @ hull.planes[:, :3].T - hull.planes[:, 3]
+        low, best = np.partition(height, -2, axis=1)[:, -2:].T
+        return best, hull.planes[height.argmax(axis=1), :3], best - low > 1e-6
+
+    start, expected = before.astype(np.float64), x.astype(np.float64)
+    d, n, clear = nearest(expected)
+    way = expected - start
+    along = (way * n).sum(axis=1)
+    way -= along[:, None] * n
+    limit = 0.5 * np.minimum(thickness - d, np.maximum(-along, 0.0))
+    expected -= way * np.minimum(1.0, limit / np.linalg.norm(way, axis=1))[:, None]
+    d, n, still_clear = nearest(expected)
+    expected += n * np.maximum(thickness - d, 0.0)[:, None]
+    collide(
+        *(shapes, posed, Sides.all_under(500, 1), x, before, thickness, 0.5),
+        Contacts.room_for(500, 1),
+    )
+    clear &= still_clear
+    assert clear.mean() > 0.9
+    np.testing.assert_allclose(x[clear], expected[clear], atol=2e-6)
 
 
 @CHECKED
