@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from garment_sim_ros.geometry.contact_distance import shape_distance
 from garment_sim_ros.geometry.contact_shapes import PackedShapes
 from garment_sim_ros.geometry.contact_sides import UNDER
+from garment_sim_ros.geometry.distance_grid import DistanceGrid
 from garment_sim_ros.geometry.jit import lean_kernel
 from garment_sim_ros.geometry.locality import BLOCK
 from garment_sim_ros.geometry.shapes import ColliderSet
@@ -85,6 +86,9 @@ def _inner_radius(kind: str, geometry: Mapping[str, object]) -> float:
         length = np.linalg.norm(normal, axis=1)
         height = np.einsum("fi,fi->f", a - vertices.mean(axis=0), normal)[length > 0.0]
         return max(float((height / length[length > 0.0]).min()), 0.0) if len(height) else 0.0
+    if kind == "sdf":
+        grid = DistanceGrid.of(geometry)
+        return max(-float(grid.distance.min()) * grid.step, 0.0)
     return 0.0
 
 
