@@ -47,14 +47,14 @@ def test_cloth_comes_to_rest_on_an_ellipsoid(cloth):
 
 
 def test_a_fast_cloth_does_not_come_out_on_the_other_side(cloth):
-    """At 60 m/s it would pass the whole ellipsoid in one step."""
-    for contact, stopped in (("earliest", True), ("union", False)):
+    """At 60 m/s it would pass the whole ellipsoid in one step; out of the union it is swept."""
+    for contact in ("earliest", "union"):
         simulation = dressed(
             cloth, ellipsoid(), 0.3, settings=RelaxationSettings(contact=contact), step=1 / 60
         )
         simulation.state("cloth").v[:, 2] = -60.0
         simulation.advance(STILL, STILL)
-        assert (simulation.positions("cloth")[:, 2].min() > 0.0) == stopped
+        assert simulation.positions("cloth")[:, 2].min() > 0.0
 
 
 @pytest.mark.parametrize(

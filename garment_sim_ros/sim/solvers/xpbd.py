@@ -29,11 +29,8 @@ SingleArray = NDArray[np.float32]
 IntArray = NDArray[np.int32]
 IndexArray = NDArray[np.uint32]
 
-_FALL = 2e-3
-"""Most that gravity may move a particle in a sub-step, as a share of the mean edge: one pass
-leaves stretch in proportion to it. Only tiny bodies and great accelerations need shorter ones."""
-_SHORTEST = 1e-5
-"""No sub-step is made shorter than this [s]."""
+_SMALL = 0.1
+"""Extent of a garment below which sub-steps are shortened [m], like the time in which it swings."""
 _SLOW = 0.03
 """RMS speed below which rounding shows [m/s]; that of a garment larger than a metre is larger."""
 
@@ -63,8 +60,7 @@ class XpbdWorkspace(Workspace):
     Attributes:
         rest_squared: Squared rest lengths of the edges [m^2], shape [m].
         stiffness: Their stiffnesses [N/m], shape [m].
-        edge_length: Mean of the rest lengths [m].
-        size: Largest extent of the garment at rest, at least 1 m [m].
+        extent: Of the garment at rest, the largest [m].
         hinge_weight: Weights of the hinges' curvature, shape [h, 4].
         hinge_stiffness: Their stiffnesses [N/m], shape [h].
         prepared: What the sub-steps need, for one length of them.
@@ -81,8 +77,7 @@ class XpbdWorkspace(Workspace):
 
     rest_squared: FloatArray
     stiffness: FloatArray
-    edge_length: float
-    size: float
+    extent: float
     hinge_weight: FloatArray
     hinge_stiffness: FloatArray
     prepared: Prepared
@@ -111,8 +106,7 @@ class XpbdWorkspace(Workspace):
         return cls(
             **vars(Workspace.room_for(model, shapes)),
             rest_squared=rest_squared,
-            edge_length=float(np.sqrt(rest_squared).mean()) if m else 0.0,
-            size=max(1.0, float(np.ptp(rest, axis=0).max())),
+            extent=float(np.ptp(rest, axis=0).max()),
             stiffness=edge_stiffness(rest, triangles, edges, model.material),
             hinge_weight=np.ascontiguousarray(bending.weight[used]),
             hinge_stiffness=np.ascontiguousarray(bending.stiffness[used]),
@@ -184,9 +178,7 @@ def step(
     assert isinstance(workspace, XpbdWorkspace)
     settings = params.settings
     assert isinstance(settings, XpbdSettings)
-    pull = math.sqrt(sum(g * g for g in params.environment.gravity))
-    short_fall = math.sqrt(_FALL * workspace.edge_length / max(pull, 1e-9))
-    longest = min(settings.sub_step, max(short_fall, _SHORTEST))
+    longest = settings.sub_step * min(1.0, math.sqrt(workspace.extent / _SMALL))
     count = max(1, math.ceil(dt / longest - 1e-6))
     passes = math.ceil(count / settings.bending_every)
     bending_every = math.ceil(count / passes)
@@ -241,6 +233,6 @@ def step(
         count,
         settings.iterations,
         bending_every,
-        _SLOW * workspace.size,
+        _SLOW * max(1.0, workspace.extent),
         workspace.motion,
     )
