@@ -1,5 +1,6 @@
 """Stiffness of a fabric, in SI units, as stiffness of a mesh's edges and hinges."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 LongArray = NDArray[np.int64]
 
+GRAVITY = 9.81
+"""What weight is measured with where only its size matters [m/s^2]."""
 _FLAT = 0.9
 """Triangles whose normal is closer to the vertical than this (as a cosine) lie flat."""
 _FIT_ROUNDS = 300
@@ -31,6 +34,26 @@ class Hinges(NamedTuple):
     particles: IntArray
     weight: FloatArray
     stiffness: FloatArray
+
+
+def stretched_by_its_weight(material: Material, rest: FloatArray, strain: float) -> Material:
+    """The material, in its plane no stiffer than lets its own weight stretch it by so much.
+
+    Beyond, in single precision, a coordinate's last place is a force that outweighs particles, and
+    cloth sticks wherever it is.
+
+    Args:
+        material: The fabric.
+        rest: Rest positions [m], shape [n, 3].
+        strain: Stretch of a garment that hangs by one end of its longest extent.
+    """
+    most = material.areal_density * GRAVITY * float(np.ptp(rest, axis=0).max()) / strain
+    return replace(
+        material,
+        stretch_stiffness_warp=min(material.stretch_stiffness_warp, most),
+        stretch_stiffness_weft=min(material.stretch_stiffness_weft, most),
+        shear_stiffness=min(material.shear_stiffness, most),
+    )
 
 
 def warp_directions(rest: FloatArray, triangles: IntArray) -> FloatArray:

@@ -22,6 +22,7 @@ FAST = (
     "closing colliders: gap of -20 mm",
     "NaN input: 1 s of poses",
 )
+FAST_IMPLICIT = ("stiffness: 1e+06 N/m", "mass ratio: 100, graded mesh")
 
 
 def scene(**asked):
@@ -35,6 +36,11 @@ def test_extremes_hold(name):
     assert outcome.faults == ()
     assert outcome.figures["resets"] == 0
     assert (outcome.figures["rejected"] > 0) == name.startswith("NaN")
+
+
+@pytest.mark.parametrize("name", FAST_IMPLICIT)
+def test_extremes_hold_with_the_implicit_solver(name):
+    assert judge(CELLS[name].scene(), "implicit").faults == ()
 
 
 def test_every_cell_has_a_name_of_its_own_and_a_scene_that_ends():

@@ -13,30 +13,46 @@ _TWO = np.uint64(2)
 _THREE = np.uint64(3)
 
 
+_LOOSE = np.float32(0.5)
+"""Up to this share of free fall a particle hangs on others, and does not fall ahead of them."""
+
+
+@kernel()
+def falls(share):
+    """How much of what outer forces push the iterations begin with, for a share of free fall.
+
+    Cut short, the iterations move cloth as if it were heavier, but what they begin with it falls
+    like anything else: that is work on more than its mass. Cloth that hangs and quivers, which
+    makes shares anything between 0 and 1, would be kept quivering by it.
+    """
+    return max(np.float32(0.0), (share - _LOOSE) / (np.float32(1.0) - _LOOSE))
+
+
 @kernel()
 def predict_with_share(x, v, x_start, x_inertial, share, push, keep, dt):
     """Positions without inner forces, and those from which these are found.
 
-    The latter have only a share of what outer forces push: all of it in free fall, none at rest,
-    where the start is then the solution.
+    The latter have only a part of what outer forces push: all of it in free fall, none at rest,
+    where the start is then the solution; in between, see `falls`.
 
     Args:
         x: Positions, changed in place [m], shape [n, 3].
         v: Velocities [m/s], shape [n, 3].
         x_start: Output, positions before [m], shape [n, 3].
         x_inertial: Output, positions without inner forces [m], shape [n, 3].
-        share: The share, from 0 to 1, shape [n].
+        share: Which part of it each particle fell freely of late, from 0 to 1, shape [n].
         push: Velocity that outer forces add in the sub-step [m/s], shape [3].
         keep: Part of velocity that is kept.
         dt: Sub-step [s].
     """
     for p in range(x.shape[0]):
+        fall = falls(share[p])
         for k in range(3):
             start = x[p, k]
             coasted = keep * v[p, k]
             x_start[p, k] = start
             x_inertial[p, k] = start + dt * (coasted + push[k])
-            x[p, k] = start + dt * (coasted + share[p] * push[k])
+            x[p, k] = start + dt * (coasted + fall * push[k])
 
 
 @kernel()
@@ -220,11 +236,10 @@ def new_velocities(
         grip = hold.grip[p]
         nx, ny, nz = hold.normal[p, 0], hold.normal[p, 1], hold.normal[p, 2]
         level = hold.level[p]
+        fall = falls(share[p])
         for k in range(3):
             # Where the particle would have been without inner forces and contact.
-            level -= hold.normal[p, k] * (
-                x_start[p, k] + dt * (keep * v[p, k] + share[p] * push[k])
-            )
+            level -= hold.normal[p, k] * (x_start[p, k] + dt * (keep * v[p, k] + fall * push[k]))
         gained = zero
         for k in range(3):
             gain = push[k] + (x[p, k] - x_inertial[p, k]) * rate

@@ -26,7 +26,13 @@ from garment_sim_ros.geometry.dissection import Fronts, dissect
 from garment_sim_ros.geometry.shapes import ColliderPoses
 from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.params import ImplicitSettings
-from garment_sim_ros.sim.elasticity import Hinges, edge_stiffness, hinges
+from garment_sim_ros.sim.elasticity import (
+    GRAVITY,
+    Hinges,
+    edge_stiffness,
+    hinges,
+    stretched_by_its_weight,
+)
 from garment_sim_ros.sim.kernels.implicit_steps import begin_sub_step, end_sub_step
 from garment_sim_ros.sim.kernels.sub_steps import same_poses
 from garment_sim_ros.sim.model import ClothModel, Parameters
@@ -46,8 +52,8 @@ _LIFT = 1e-3
 """How far above a surface contacts are found [m]."""
 _BLEND_TIME = 0.2
 """How long a particle's share of free fall is averaged [s]: less, and cloth at rest creeps."""
-_GRAVITY = 9.81
-"""What that weight is measured with [m/s^2]."""
+_HARDLY = 1e-5
+"""Strain by a garment's own weight that makes no difference to it."""
 _PAST = 5
 """How many steps towards the least energy the next one is found from."""
 
@@ -211,7 +217,8 @@ class ImplicitWorkspace(Workspace):
         rest, n = model.rest, model.free_count
         edges = model.springs.particles.reshape(-1, 2)[model.springs.bending :].astype(np.int32)
         edges = edges[np.argsort(edges.min(axis=1), kind="stable")]
-        stiffness = edge_stiffness(rest, triangles, edges, model.material)
+        material = stretched_by_its_weight(model.material, rest, _HARDLY)
+        stiffness = edge_stiffness(rest, triangles, edges, material)
         bending = hinges(rest, triangles, model.material)
         used = (bending.particles < n).any(axis=1) & (bending.stiffness > 0.0)
         bending = Hinges(bending.particles[used], bending.weight[used], bending.stiffness[used])
@@ -271,7 +278,7 @@ class ImplicitWorkspace(Workspace):
         cloth, mass = self.cloth, model.mass[: model.free_count]
         cloth.inertia[:] = mass * ((1.0 + dt * rate) / dt**2)
         cloth.base[cloth.place] = cloth.inertia + self.pull
-        cloth.grip[:] = mass * (_GRAVITY * _WEIGHTS / _SINK)
+        cloth.grip[:] = mass * (GRAVITY * _WEIGHTS / _SINK)
         cloth.changed[:] = True
         self.prepared_for = (dt, rate)
 
