@@ -30,7 +30,7 @@ IntArray = NDArray[np.int32]
 IndexArray = NDArray[np.uint32]
 
 _SMALL = 0.1
-"""Extent of a garment below which sub-steps are shortened [m], like the time in which it swings."""
+"""Extent of a garment below which sub-steps are shortened like its swing [m]."""
 _SLOW = 0.03
 """RMS speed below which rounding shows [m/s]; that of a garment larger than a metre is larger."""
 
