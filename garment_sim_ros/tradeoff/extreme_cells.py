@@ -104,6 +104,7 @@ def _stiff(k: float) -> Scene:
         stretch_stiffness_weft=k,
         shear_stiffness=k * 0.03,
         bending_stiffness=min(bending, 1e3),
+        floor=k < 100.0,
     )
     # Cloth that gives way reaches the floor, where it may lie in many ways.
     return _still((cloth, colliders, motion), unique=k >= 100.0)

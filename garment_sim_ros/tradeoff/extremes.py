@@ -177,9 +177,10 @@ def curtain(
     busy: float = 1.0,
     mesh: tuple[FloatArray, IntArray] | None = None,
     pins: Sequence[int] = range(_SHEET),
+    floor: bool = False,
     **material: Any,
 ) -> tuple[Garment, ColliderSet, Motion]:
-    """A sheet that hangs by its upper edge over a floor; its rod shakes and a ball goes through.
+    """A sheet that hangs by its upper edge; its rod shakes and a ball goes through.
 
     Args:
         scale: Of all lengths.
@@ -187,12 +188,13 @@ def curtain(
         busy: How long [s].
         mesh: Another mesh than a square sheet.
         pins: Vertices of the upper edge.
+        floor: Whether there is a floor under it, for cloth that gives way, at scale 1.
         **material: As `Material`.
     """
     vertices, triangles = mesh or sheet()
     thickness = material.pop("thickness", Material().thickness) * scale
     cloth = garment(hanging(vertices) * scale, triangles, pins, thickness=thickness, **material)
-    floor, sphere = box("floor", (3 * scale, 3 * scale, 0.25 * scale)), ball("ball", 0.12 * scale)
+    below = box("floor", (3.0, 3.0, 0.25)) if floor else ball("stone", 0.1 * scale)
 
     def rod(t: float, poses: ColliderPoses) -> None:
         s = min(t / busy, 1.0)
@@ -204,7 +206,7 @@ def curtain(
         poses.position[1, 2] = -1.6 * scale
         poses.position[2] = np.array([0.05, 1.6 * s - 0.8, -0.5]) * scale
 
-    return cloth, worn_on(floor, sphere), moving(3, rod, obstacles)
+    return cloth, worn_on(below, ball("ball", 0.12 * scale)), moving(3, rod, obstacles)
 
 
 def press(gap: float, busy: float = 2.0) -> tuple[Garment, ColliderSet, Motion]:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.mvee import Ellipsoid, mvee
 
-SETTINGS = settings(derandomize=True, deadline=None, max_examples=60)
+SETTINGS = settings(derandomize=True, deadline=None, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)
 
 

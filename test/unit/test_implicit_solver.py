@@ -29,6 +29,7 @@ def on_a_ball(cloth, side=12, settings=None, solver_step=1 / 60, **material):
     )
 
 
+@pytest.mark.slow
 def test_warm_up_knows_it():
     warm_up("implicit")
 

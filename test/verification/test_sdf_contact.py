@@ -28,7 +28,7 @@ def poses_at(*positions):
     return poses
 
 
-@pytest.mark.parametrize("solver", ["relaxation", "xpbd"])
+@pytest.mark.parametrize("solver", ["relaxation", pytest.param("xpbd", marks=pytest.mark.slow)])
 def test_cloth_rests_at_the_thickness_and_rides_along(cloth, solver):
     """On two blocks side by side: as on one, over the seam, too."""
     vertices, triangles = cloth.grid(9, 9)
