@@ -1,6 +1,7 @@
 """Kernels of `implicit` against naive float64 twins, and its matrix against its purpose."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,6 +14,8 @@ from garment_sim_ros.sim.kernels.cholesky import factorise, solve_factorised
 from garment_sim_ros.sim.kernels.implicit_forces import edge_forces, hinge_forces, on_the_cone
 from garment_sim_ros.sim.kernels.quasi_newton import descend, remember
 from garment_sim_ros.sim.solvers.implicit import Past, bending_bound
+
+pytestmark = pytest.mark.slow
 
 SEEDS = st.integers(0, 10**6)
 

@@ -14,6 +14,8 @@ from garment_sim_ros.sim.kernels.self_contact import keep_apart
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.self_collision import SelfCollision
 
+pytestmark = pytest.mark.slow
+
 SPACING = 0.02
 DISTANCE = 0.002
 

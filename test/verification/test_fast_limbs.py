@@ -50,9 +50,9 @@ def layers_ahead(x, triangles, at, y):
     ("kind", "solver"),
     [
         ("capsule", "relaxation"),
-        ("sphere", "relaxation"),
-        ("hull", "relaxation"),
-        ("ellipsoid", "relaxation"),
+        pytest.param("sphere", "relaxation", marks=pytest.mark.slow),
+        pytest.param("hull", "relaxation", marks=pytest.mark.slow),
+        pytest.param("ellipsoid", "relaxation", marks=pytest.mark.slow),
         ("capsule", "xpbd"),
     ],
 )

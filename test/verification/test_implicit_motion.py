@@ -7,6 +7,8 @@ from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
 from garment_sim_ros.params import Environment, ImplicitSettings
 from garment_sim_ros.sim.simulation import Simulation
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 WEIGHTLESS = Environment(gravity=(0.0, 0.0, 0.0))
 
