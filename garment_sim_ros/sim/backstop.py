@@ -6,54 +6,32 @@ cloth stays outside all the same.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.geometry.topology import vertex_normals
-from garment_sim_ros.geometry.transforms import invert_transform
-from garment_sim_ros.sim.kernels.skinned import blended, pose_frames
-from garment_sim_ros.sim.leash import weighted_places
-from garment_sim_ros.sim.model import ClothModel
-from garment_sim_ros.sim.placement import Frames, GarmentLike
+from garment_sim_ros.sim.constraint import Constraint
+from garment_sim_ros.sim.kernels.skinned import blended
+from garment_sim_ros.sim.placement import GarmentLike
+from garment_sim_ros.sim.skin_places import SkinPlaces
 from garment_sim_ros.sim.state import ColliderState, State
 
-SingleArray = NDArray[np.float32]
 
-
-class Backstop:
+class Backstop(Constraint):
     """Holds one garment's free particles.
 
     Args:
         garment: The garment; its `backstop` is not None.
-        frames: The frames that it rides on.
-        model: Its particles.
+        places: Where its particles would be as skin, followed through each step.
     """
 
-    def __init__(self, garment: GarmentLike, frames: Frames, model: ClothModel) -> None:
+    def __init__(self, garment: GarmentLike, places: SkinPlaces) -> None:
         assert garment.backstop is not None
-        vertex = model.vertex[: model.free_count]
-        self._index, self._place = weighted_places(garment, frames, vertex)
+        self._places = places
         x = np.asarray(garment.vertices, np.float64)
         normal = np.empty_like(x)
         vertex_normals(x, garment.triangles, normal)
-        turn = (frames.T_collider_frame @ invert_transform(garment.T_world_frame_rest))[
-            garment.frame_index[vertex], :3, :3
-        ]
-        weight = np.asarray(garment.frame_weight, np.float64)[vertex]
-        self._normal = np.zeros_like(self._place)
-        self._normal[..., :3] = np.einsum("nk,nkij,nj->nki", weight, turn, normal[vertex])
-        self._collider = frames.collider
-        self._T = np.zeros((len(frames.collider), 3, 4), np.float32)
-        self._distance = np.asarray(garment.backstop, np.float32)[vertex]
-        self._before = np.full((len(vertex), 3), np.nan, np.float32)
-
-    def forget(self) -> None:
-        """What follows does not depend on what was before."""
-        self._before.fill(np.nan)
-
-    def shift(self, by: SingleArray) -> None:
-        """The local origin has moved: coordinates change by [m], shape [3]."""
-        self._before += by
+        self._normal = places.carried(normal, 0.0)
+        self._distance = places.of(garment.backstop)
 
     def hold(self, state: State, colliders: ColliderState, dt: float) -> int:
         """Takes forward what has gone too far back, and the velocity that leads on.
@@ -66,27 +44,24 @@ class Backstop:
         Returns:
             Number of particles held.
         """
-        end = colliders.end
-        pose_frames(end.position, end.orientation, colliders.origin, self._collider, self._T)
-        rows = self._T, self._index, self._place, self._normal, self._distance, self._before
-        return int(hold(state.x, state.v, *rows, np.float32(dt)))
+        at = self._places
+        normals = at.T, at.index, self._normal
+        return int(hold(state.x, state.v, at.place, at.velocity, *normals, self._distance))
 
 
 @kernel()
-def hold(x, v, T, index, place, normal, distance, before, dt):
+def hold(x, v, place, velocity, T, index, normal, distance):
     """See `Backstop.hold`.
 
     Args:
         x: Positions, changed in place [m], shape [n, 3].
         v: Velocities, changed in place [m/s], shape [n, 3].
+        place: Where each particle would be as skin [m], shape [f, 3], f at most n.
+        velocity: How fast that moves [m/s], shape [f, 3].
         T: Transforms of the frames that the garment rides on, shape [b, 3, 4].
-        index: Those that each particle follows, shape [f, k], f at most n.
-        place: Its place as skin in each, see `kernels.skinned.blended`, shape [f, k, 4].
-        normal: Its normal likewise, shape [f, k, 4].
+        index: Those that each particle follows, shape [f, k].
+        normal: Its normal as skin in each, see `kernels.skinned.blended`, shape [f, k, 4].
         distance: How far behind it may be [m], shape [f].
-        before: Its place at the end of the last step [m], NaN where that is not known, changed in
-            place, shape [f, 3].
-        dt: Step [s].
 
     Returns:
         Number of particles held.
@@ -100,23 +75,24 @@ def hold(x, v, T, index, place, normal, distance, before, dt):
         nx /= length
         ny /= length
         nz /= length
-        tx, ty, tz = blended(T, index[p], place[p])
-        short = (tx - x[p, 0]) * nx + (ty - x[p, 1]) * ny + (tz - x[p, 2]) * nz - distance[p]
+        short = (
+            (place[p, 0] - x[p, 0]) * nx
+            + (place[p, 1] - x[p, 1]) * ny
+            + (place[p, 2] - x[p, 2]) * nz
+            - distance[p]
+        )
         if short > np.float32(0.0):
             held += 1
             x[p, 0] += short * nx
             x[p, 1] += short * ny
             x[p, 2] += short * nz
-            back = v[p, 0] * nx + v[p, 1] * ny + v[p, 2] * nz
-            if before[p, 0] == before[p, 0]:
-                back -= (
-                    (tx - before[p, 0]) * nx + (ty - before[p, 1]) * ny + (tz - before[p, 2]) * nz
-                ) / dt
+            back = (
+                (v[p, 0] - velocity[p, 0]) * nx
+                + (v[p, 1] - velocity[p, 1]) * ny
+                + (v[p, 2] - velocity[p, 2]) * nz
+            )
             if back < np.float32(0.0):
                 v[p, 0] -= back * nx
                 v[p, 1] -= back * ny
                 v[p, 2] -= back * nz
-        before[p, 0] = tx
-        before[p, 1] = ty
-        before[p, 2] = tz
     return held

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from garment_sim_ros.geometry.contact import Contacts
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import Material
+from garment_sim_ros.sim.constraint import Constraint
 from garment_sim_ros.sim.kernels.expected_motion import drift, expect
 from garment_sim_ros.sim.kernels.near_pairs import find_pairs
 from garment_sim_ros.sim.kernels.self_contact import keep_apart
@@ -146,7 +147,7 @@ def in_patches(triangles: IntArray) -> tuple[IntArray, IntArray]:
     return np.ascontiguousarray(triangles[order]), np.array(first, np.int32)
 
 
-class SelfCollision:
+class SelfCollision(Constraint):
     """Keeps one garment off itself, after any solver's step.
 
     Attributes:

@@ -63,7 +63,7 @@ def warm_up(
         pin_frame=np.zeros(1, np.int32),
         passed_by=(),
         max_distance=np.full(4, 1.0),
-        backstop=None,
+        backstop=np.full(4, 1.0),
         tethers=1.0,
         soft=None,
         self_collision=0.002 if self_collision else None,

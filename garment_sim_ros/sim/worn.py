@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from garment_sim_ros.geometry.contact_sides import Sides
 from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.sim.attaching import attached_to, hold_after_step
 from garment_sim_ros.sim.backstop import Backstop
+from garment_sim_ros.sim.constraint import Constraint
 from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.kernels.layers import measure_motion
 from garment_sim_ros.sim.kernels.motion import carry_pins, shift
@@ -26,27 +26,12 @@ from garment_sim_ros.sim.placement import (
 from garment_sim_ros.sim.recovery import Recovery
 from garment_sim_ros.sim.self_collision import SelfCollision
 from garment_sim_ros.sim.sides import shape_sides
+from garment_sim_ros.sim.skin_places import SkinPlaces
 from garment_sim_ros.sim.solvers import Solver
 from garment_sim_ros.sim.state import ColliderState, State, Workspace
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
-
-
-class Constraint(Protocol):
-    """What holds a garment after each of the solver's steps, whichever solver it is."""
-
-    def hold(self, state: State, colliders: ColliderState, dt: float) -> int:
-        """Corrects positions and velocities in place; tells how many particles it held."""
-        ...
-
-    def shift(self, by: SingleArray) -> None:
-        """The local origin has moved: coordinates change by [m], shape [3]."""
-        ...
-
-    def forget(self) -> None:
-        """What follows does not depend on what was before: the garment was put elsewhere."""
-        ...
 
 
 @dataclass(kw_only=True)
@@ -62,6 +47,7 @@ class Worn:
         recovery: Mends what is not.
         workspace: Scratch arrays of the solver.
         health: Counts and readings.
+        places: Where it would be as skin, None unless a constraint asks.
         constraints: What holds it after each step; only what the garment asks for.
         attaches: Whether the solver lets the workspace's `attached` act.
         x_world: World positions of its vertices in file order [m], shape [v, 3].
@@ -76,6 +62,7 @@ class Worn:
     recovery: Recovery
     workspace: Workspace
     health: Health
+    places: SkinPlaces | None
     constraints: tuple[Constraint, ...]
     attaches: bool
     x_world: SingleArray
@@ -111,6 +98,9 @@ class Worn:
         row, side = shape_sides(garment, collider_set, colliders.shapes)
         workspace.attached = attached_to(garment, frames, model)
         workspace.sides = Sides.of(row[model.vertex[: model.free_count]], side)
+        places = None
+        if garment.max_distance is not None or garment.backstop is not None:
+            places = SkinPlaces(garment, frames, model)
         return cls(
             garment=garment,
             frames=frames,
@@ -120,7 +110,8 @@ class Worn:
             recovery=Recovery(model),
             workspace=workspace,
             health=Health(),
-            constraints=_constraints(garment, frames, model, workspace),
+            places=places,
+            constraints=_constraints(garment, places, model, workspace),
             attaches=by.attaches,
             x_world=np.zeros((len(model), 3), np.float32),
             normal=np.zeros((len(model), 3), np.float32),
@@ -141,6 +132,8 @@ class Worn:
             if not self.attaches:
                 hold_after_step(attached, self.state, colliders, dt)
             held += int(attached.held[0])
+        if self.places is not None:
+            self.places.follow(colliders, dt)
         for constraint in self.constraints:
             held += constraint.hold(self.state, colliders, dt)
         self.health.held = held
@@ -163,6 +156,8 @@ class Worn:
 
     def _forget(self) -> None:
         self.workspace.attached.forget()
+        if self.places is not None:
+            self.places.forget()
         for constraint in self.constraints:
             constraint.forget()
 
@@ -171,6 +166,8 @@ class Worn:
         shift(self.state.x, by)
         shift(self.good.x, by)
         self.workspace.attached.shift(by)
+        if self.places is not None:
+            self.places.shift(by)
         for constraint in self.constraints:
             constraint.shift(by)
 
@@ -222,14 +219,14 @@ class Worn:
 
 
 def _constraints(
-    garment: GarmentLike, frames: Frames, model: ClothModel, workspace: Workspace
+    garment: GarmentLike, places: SkinPlaces | None, model: ClothModel, workspace: Workspace
 ) -> tuple[Constraint, ...]:
     """Those that a garment asks for, in the order in which they act."""
     constraints: list[Constraint] = []
-    if garment.max_distance is not None:
-        constraints.append(Leash(garment, frames, model))
-    if garment.backstop is not None:
-        constraints.append(Backstop(garment, frames, model))
+    if places is not None and garment.max_distance is not None:
+        constraints.append(Leash(garment, places))
+    if places is not None and garment.backstop is not None:
+        constraints.append(Backstop(garment, places))
     if garment.self_collision is not None:
         constraints.append(SelfCollision(model, garment.self_collision, workspace.contacts))
     return tuple(constraints)

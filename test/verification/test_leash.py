@@ -14,6 +14,7 @@ from garment_sim_ros.sim.kernels.skinned import pose_frames
 from garment_sim_ros.sim.leash import hold
 from garment_sim_ros.sim.placement import blend
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.skin_places import follow
 
 WEIGHTLESS = Environment(gravity=(0.0, 0.0, 0.0))
 STEP = 1 / 180
@@ -98,7 +99,31 @@ def test_within_the_distance_nothing_acts(cloth):
 
 def test_agrees_with_the_naive_twin():
     random = np.random.default_rng(8)
-    n, frames = 40, 5
+    n = 40
+    place, velocity = random.normal(size=(2, n, 3))
+    x = (place + 0.3 * random.normal(size=(n, 3))).astype(np.float32)
+    v = random.normal(size=(n, 3)).astype(np.float32)
+    limit = random.uniform(0.2, 0.6, n)
+
+    expected_x, expected_v = x.astype(float), v.astype(float)
+    for p in range(n):
+        away = expected_x[p] - place[p]
+        distance = np.linalg.norm(away)
+        if distance > limit[p]:
+            u = away / distance
+            expected_x[p] = place[p] + limit[p] * u
+            expected_v[p] -= max((expected_v[p] - velocity[p]) @ u, 0.0) * u
+    held = int((np.linalg.norm(x - place, axis=1) > limit).sum())
+    assert 5 < held < 35
+
+    assert hold(x, v, *(a.astype(np.float32) for a in (place, velocity, limit))) == held
+    np.testing.assert_allclose(x, expected_x, atol=2e-6)
+    np.testing.assert_allclose(v, expected_v, atol=2e-6)
+
+
+def test_places_as_skin_agree_with_their_naive_twin():
+    random = np.random.default_rng(9)
+    n, frames, step = 40, 5, 0.01
     position, orientation = random.normal(size=(7, 3)), random.normal(size=(7, 4))
     orientation /= np.linalg.norm(orientation, axis=1, keepdims=True)
     origin = random.normal(size=3)
@@ -109,33 +134,19 @@ def test_agrees_with_the_naive_twin():
     index = random.integers(0, frames, (n, 3)).astype(np.int32)
     R, t = matrix_from_quaternion(orientation)[collider], position[collider] - origin
     carried = np.einsum("nkij,nkj->nki", R[index], local) + t[index]
-    target = np.einsum("nk,nki->ni", weight, carried)
-    x = (target + 0.3 * random.normal(size=(n, 3))).astype(np.float32)
-    v = random.normal(size=(n, 3)).astype(np.float32)
-    before = target + 0.01 * random.normal(size=(n, 3))
+    expected = np.einsum("nk,nki->ni", weight, carried)
+    before = expected + 0.01 * random.normal(size=(n, 3))
     before[:5] = np.nan
-    limit = random.uniform(0.2, 0.6, n)
-
-    expected_x, expected_v = x.astype(float), v.astype(float)
-    for p in range(n):
-        away = expected_x[p] - target[p]
-        distance = np.linalg.norm(away)
-        if distance > limit[p]:
-            u = away / distance
-            expected_x[p] = target[p] + limit[p] * u
-            own = np.zeros(3) if np.isnan(before[p, 0]) else (target[p] - before[p]) / 0.01
-            expected_v[p] -= max((expected_v[p] - own) @ u, 0.0) * u
-    held = int((np.linalg.norm(x - target, axis=1) > limit).sum())
-    assert 5 < held < 35
+    expected_velocity = np.nan_to_num((expected - before) / step)
 
     weighted = np.concatenate([weight[..., None] * local, weight[..., None]], axis=2)
     T, place = np.zeros((frames, 3, 4), np.float32), before.astype(np.float32)
-    single = [weighted.astype(np.float32), limit.astype(np.float32), place, np.float32(0.01)]
+    velocity = np.zeros_like(place)
     pose_frames(position, orientation, origin, collider, T)
-    assert hold(x, v, T, index, *single) == held
-    np.testing.assert_allclose(x, expected_x, atol=2e-6)
-    np.testing.assert_allclose(v, expected_v, atol=2e-4)  # a difference of places over 10 ms
-    np.testing.assert_allclose(place, target, atol=2e-6)
+    follow(T, index, weighted.astype(np.float32), place, velocity, np.float32(step))
+    np.testing.assert_allclose(place, expected, atol=2e-6)
+    # A difference of places over 10 ms.
+    np.testing.assert_allclose(velocity, expected_velocity, atol=4e-4)
 
 
 def test_the_middle_is_where_the_garment_would_be_put_on(cloth):
