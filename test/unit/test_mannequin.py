@@ -15,6 +15,12 @@ from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 
+
+def also_slow(*values):
+    """A body that is grown among the slow tests only: each takes seconds."""
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
 DENSITY = 1000.0  # kg/m^3; people are 985 to 1010 with half-filled lungs
 
 
@@ -40,7 +46,7 @@ def volume(vertices, triangles):
     return trimesh.Trimesh(vertices, triangles, process=False).volume
 
 
-@pytest.mark.parametrize("vertices", [1000, 2500, 4000, 10000])
+@pytest.mark.parametrize("vertices", [1000, 2500, also_slow(4000), also_slow(10000)])
 def test_surface_is_closed_and_of_the_wanted_size(vertices):
     body = mannequin(vertices=vertices)
     mesh = mesh_of(body)
@@ -59,7 +65,7 @@ def test_triangles_are_even():
     assert np.percentile(length, 99) < 1.6 * np.median(length)
 
 
-@pytest.mark.parametrize("height", [1.5, 1.9])
+@pytest.mark.parametrize("height", [1.5, also_slow(1.9)])
 def test_height_is_exact_and_proportions_stay(height):
     body, other = mannequin(height=height), mannequin(height=1.7)
     z = body.skin.vertices[:, 2]
@@ -91,7 +97,13 @@ def test_the_same_options_give_the_same_bytes():
 
 @pytest.mark.parametrize(
     ("sex", "build", "low", "high"),
-    [(0, 0, 16.5, 19), (0, 0.5, 21, 24), (0, 1, 29, 33), (1, 0, 17, 20), (1, 1, 30, 34)],
+    [
+        also_slow(0, 0, 16.5, 19),
+        (0, 0.5, 21, 24),
+        also_slow(0, 1, 29, 33),
+        also_slow(1, 0, 17, 20),
+        (1, 1, 30, 34),
+    ],
 )
 def test_body_mass_index_is_that_of_people(sex, build, low, high):
     body = mannequin(height=1.75, sex=sex, build=build)
@@ -126,8 +138,8 @@ def tape(body, name):
     return ConvexHull(points).area
 
 
-@pytest.mark.parametrize("sex", [0.0, 1.0])
-@pytest.mark.parametrize("build", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("sex", [0.0, also_slow(1.0)])
+@pytest.mark.parametrize("build", [also_slow(0.0), 0.5, also_slow(1.0)])
 def test_girths_are_the_published_ones(sex, build):
     body = mannequin(sex=sex, build=build, vertices=8000)
     for name, wanted in girths(1.7, sex, build).items():
@@ -144,7 +156,7 @@ BREADTHS = {
 }
 
 
-@pytest.mark.parametrize("sex", [0, 1])
+@pytest.mark.parametrize("sex", [0, also_slow(1)])
 def test_breadths_and_depths_are_near_the_published_ones(sex):
     height = (1.628, 1.756)[sex]
     body = mannequin(height=height, sex=sex, vertices=8000)
@@ -193,19 +205,19 @@ def test_rig_is_humanoid_with_identity_rest_rotations():
     np.testing.assert_allclose(T @ body.skin.T_bone_bind, np.tile(np.eye(4), (len(T), 1, 1)))
 
 
-def test_arms_slope_and_stand_clear_of_the_trunk():
-    for build in (0.0, 0.5, 1.0):
-        body = mannequin(build=build)
-        joint = dict(zip(body.rig.joint_names, -body.skin.T_bone_bind[:, :3, 3]))
-        along = joint["leftLowerArm"] - joint["leftUpperArm"]
-        assert np.degrees(np.arctan2(-along[2], along[1])) == pytest.approx(45.0, abs=0.1)
-        arm = share_of(body, "leftLowerArm", "leftHand") > 0.5
-        trunk = share_of(body, "hips", "spine", "chest", "upperChest") > 0.5
-        x = body.skin.vertices
-        assert cKDTree(x[trunk]).query(x[arm])[0].min() > 0.08
+@pytest.mark.parametrize("build", [also_slow(0.0), 0.5, also_slow(1.0)])
+def test_arms_slope_and_stand_clear_of_the_trunk(build):
+    body = mannequin(build=build)
+    joint = dict(zip(body.rig.joint_names, -body.skin.T_bone_bind[:, :3, 3]))
+    along = joint["leftLowerArm"] - joint["leftUpperArm"]
+    assert np.degrees(np.arctan2(-along[2], along[1])) == pytest.approx(45.0, abs=0.1)
+    arm = share_of(body, "leftLowerArm", "leftHand") > 0.5
+    trunk = share_of(body, "hips", "spine", "chest", "upperChest") > 0.5
+    x = body.skin.vertices
+    assert cKDTree(x[trunk]).query(x[arm])[0].min() > 0.08
 
 
-@pytest.mark.parametrize("build", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("build", [also_slow(0.0), 0.5, also_slow(1.0)])
 def test_legs_and_arms_are_separate_in_plane_sections(build):
     mesh = mesh_of(mannequin(build=build))
     for share, loops in ((0.40, 2), (0.44, 2), (0.66, 3), (0.70, 3)):
@@ -282,7 +294,7 @@ def crossings(x, triangles):
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"vertices": 1000}, {"vertices": 2000, "build": 1.0, "sex": 1.0}]
+    "options", [{}, {"vertices": 1000}, also_slow({"vertices": 2000, "build": 1.0, "sex": 1.0})]
 )
 def test_surface_does_not_cut_itself(options):
     skin = mannequin(**options).skin
