@@ -52,6 +52,13 @@ class TShirtOptions:
     """Options of the T-shirt."""
 
     vertices: int = parameter(1503, "Number of vertices.", minimum=300, maximum=100_000)
+    ease: float = parameter(
+        0.025,
+        "How far its trunk stands off a person of 1.65 m: 0.01 close-fitting, 0.04 loose.",
+        unit="m",
+        minimum=0.005,
+        maximum=0.05,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +97,7 @@ def _tshirt(measures: Measures, o: TShirtOptions) -> tuple[GarmentMesh, Measures
         # Only where no such shirt was made before: what it takes is slow to import, too.
         from garment_sim_ros.garment.tshirt import tshirt
 
-        mesh = tshirt(measures, vertices=o.vertices)
+        mesh = tshirt(measures, vertices=o.vertices, ease=o.ease)
         return {"vertices": mesh.vertices, "triangles": mesh.triangles}
 
     made = cached_arrays("garments", key, make)

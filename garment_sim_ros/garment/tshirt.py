@@ -30,17 +30,19 @@ _MOST_NODES = 5_000_000
 
 # Sizes for a person of 1.65 m [m].
 _SPACING = 0.015
-_LEAST_EASE = 0.007
-_EASE = 0.011
-_HEM_EASE = 0.021  # over a waistband
-_SHOULDER_EASE = 0.006
-_SLEEVE_EASE = 0.016
+_WAISTBAND = 0.008  # that the hem hangs over
+_COLLAR_EASE = 0.011
 _UNION_ROUNDING = 0.03
 _SKIN_ROUNDING = 0.008
 _COLLAR_TILT = np.radians(18.0)  # forward
 _HEM = 0.4  # from the waist (0) to the hips (1)
 _SLEEVE_LENGTH = 0.6  # of the upper arm
 _FIT = 0.5  # 0: follows the waist; 1: straight from the armpits to the hem
+
+# Shares of the trunk's ease.
+_LEAST_EASE = 0.6
+_SHOULDER_EASE = 0.6
+_SLEEVE_EASE = 1.3
 
 
 @dataclass(kw_only=True)
@@ -72,23 +74,25 @@ class Grid:
         return field / np.maximum(slope, 1.0)
 
 
-def tshirt(measures: Measures, *, vertices: int) -> GarmentMesh:
+def tshirt(measures: Measures, *, vertices: int, ease: float) -> GarmentMesh:
     """A T-shirt with a hem below the waist and sleeves to the middle of the upper arms.
 
     Args:
         measures: The body, arms held away from the trunk.
         vertices: Number of vertices.
+        ease: How far the trunk stands off the body, for a person of 1.65 m [m].
 
     Raises:
         GeometryError: The body lacks what a shirt needs, or too few vertices for its openings.
     """
     hem = measures.waist - _HEM * (measures.waist - measures.hips)
-    grid = _grid(measures, hem)
+    ease *= measures.unit
+    grid = _grid(measures, hem, ease)
     arms = measures.arms
     points = grid.points()
-    trunk = _trunk_field(measures, grid, points, hem, arms)
-    tubes = [_sleeve_field(arm, grid, points, measures.unit) for arm in arms]
-    field = _shirt_field(measures, grid, points, trunk, arms, tubes)
+    trunk = _trunk_field(measures, grid, points, hem, arms, ease)
+    tubes = [_sleeve_field(arm, grid, points, measures.unit, ease) for arm in arms]
+    field = _shirt_field(measures, grid, points, trunk, arms, tubes, ease)
     x, triangles = surface_net(field, grid.origin, grid.spacing)
     x, triangles, _ = clipped(x, triangles, hem - x[:, 2])
     x, triangles, _ = clipped(x, triangles, _above_collar(measures, x))
@@ -116,7 +120,7 @@ def tshirt(measures: Measures, *, vertices: int) -> GarmentMesh:
     return GarmentMesh(vertices=x, triangles=triangles)
 
 
-def _grid(measures: Measures, hem: float) -> Grid:
+def _grid(measures: Measures, hem: float, ease: float) -> Grid:
     spacing = _SPACING * measures.unit
     margin = 5.0 * spacing
     trunk = measures.trunk
@@ -128,7 +132,7 @@ def _grid(measures: Measures, hem: float) -> Grid:
     high = np.array([near[:, 0].max(), near[:, quarter].max(), top])
     for arm in measures.arms:
         cuff = arm.frame[:3, 3] + _SLEEVE_LENGTH * arm.length * arm.frame[:3, 2]
-        reach = arm.profile.support.max() + _SLEEVE_EASE * measures.unit
+        reach = arm.profile.support.max() + _SLEEVE_EASE * ease
         low, high = np.minimum(low, cuff - reach), np.maximum(high, cuff + reach)
         low[2] = max(low[2], hem)
     low, high = low - margin, high + margin
@@ -148,6 +152,7 @@ def _shirt_field(
     trunk: FloatArray,
     arms: Sequence[Arm],
     tubes: Sequence[FloatArray],
+    ease: float,
 ) -> FloatArray:
     """The shirt's field: negative inside, about a distance near its zero level [m]."""
     unit = measures.unit
@@ -161,14 +166,18 @@ def _shirt_field(
     near = np.abs(field) < 0.06 * unit
     skin = MeshDistance(measures.vertices, _covered_skin(measures))
     gap = skin.signed_distance(points[near])[0]
-    field[near] = _smooth_union(field[near], gap - _LEAST_EASE * unit, _SKIN_ROUNDING * unit)
+    field[near] = _smooth_union(field[near], gap - _LEAST_EASE * ease, _SKIN_ROUNDING * unit)
     return field
 
 
 def _trunk_field(
-    measures: Measures, grid: Grid, points: FloatArray, hem: float, arms: Sequence[Arm]
+    measures: Measures,
+    grid: Grid,
+    points: FloatArray,
+    hem: float,
+    arms: Sequence[Arm],
+    ease: float,
 ) -> FloatArray:
-    unit = measures.unit
     z = points[0, 0, :, 2]
     support = measures.trunk.at(z)
     armpit = min(float(arm.frame[2, 3]) - 1.2 * arm.radius for arm in arms)
@@ -186,8 +195,10 @@ def _trunk_field(
     field = np.stack([(ground - h).max(axis=-1) for h in support], axis=-1)
     neck = measures.neck_base
     field = np.maximum(field, z - neck.centre[2] - 0.5 * neck.radius)
-    ease = np.interp(z, [hem, armpit, shoulder], [_HEM_EASE, _EASE, _SHOULDER_EASE])
-    return grid.normalised(field) - unit * ease
+    at_hem, at_shoulder = ease + _WAISTBAND * measures.unit, _SHOULDER_EASE * ease
+    return grid.normalised(field) - np.interp(
+        z, [hem, armpit, shoulder], [at_hem, ease, at_shoulder]
+    )
 
 
 def _concave_envelope(values: FloatArray) -> FloatArray:
@@ -202,7 +213,9 @@ def _concave_envelope(values: FloatArray) -> FloatArray:
     return envelope
 
 
-def _sleeve_field(arm: Arm, grid: Grid, points: FloatArray, unit: float) -> FloatArray:
+def _sleeve_field(
+    arm: Arm, grid: Grid, points: FloatArray, unit: float, ease: float
+) -> FloatArray:
     """Field of a sleeve without ends, exact near it [m]."""
     profile = arm.profile
     # A sleeve does not narrow towards the shoulder: each outline contains those further out.
@@ -212,7 +225,7 @@ def _sleeve_field(arm: Arm, grid: Grid, points: FloatArray, unit: float) -> Floa
     near = field < 2.0 * _UNION_ROUNDING * unit
     support = Profile(offset=profile.offset, support=widest).at(local[near, 2])
     field[near] = (local[near, :2] @ NORMALS.T - support).max(axis=-1)
-    return grid.normalised(field) - _SLEEVE_EASE * unit
+    return grid.normalised(field) - _SLEEVE_EASE * ease
 
 
 def _smooth_union(a: FloatArray, b: FloatArray, rounding: float) -> FloatArray:
@@ -238,7 +251,7 @@ def _above_collar(measures: Measures, x: FloatArray) -> FloatArray:
     neck = measures.neck_base
     offset = x - neck.centre
     above = offset @ np.array([np.sin(_COLLAR_TILT), 0.0, np.cos(_COLLAR_TILT)])
-    wide = 1.1 * neck.radius + _EASE * measures.unit
+    wide = 1.1 * neck.radius + _COLLAR_EASE * measures.unit
     away = np.linalg.norm(offset[:, :2], axis=1)
     return above - np.maximum(away**2 / wide - wide, 0.0)
 
