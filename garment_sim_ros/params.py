@@ -383,7 +383,7 @@ class XpbdSettings(_ContactPoints):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class ImplicitSettings:
+class ImplicitSettings(_ContactPoints):
     """Numerical parameters of the `implicit` solver."""
 
     sub_step: float = parameter(

@@ -17,7 +17,8 @@ def account(simulation: Simulation) -> dict[str, Any]:
     Returns:
         ``models`` and ``leaves_out``, each a text for every effect with its reason; and for each
         of ``garments`` the numbers of vertices, triangles, pins, springs, and of shapes that are
-        under all of it, against some of it, or passing it by.
+        under all of it, against some of it, or passing it by, and ``limits``: what the solver does
+        not take as the material has it.
     """
     environment = simulation.parameters.environment
     kinds = [c.kind for c in simulation.collider_set.colliders if c.kind != "frame"]
@@ -85,7 +86,7 @@ def _unless(wanted: bool, reason: str) -> str:
     return "always" if wanted else f"no: {reason}"
 
 
-def _garment(simulation: Simulation, name: str) -> dict[str, int]:
+def _garment(simulation: Simulation, name: str) -> dict[str, Any]:
     model, sides = simulation.model(name), simulation.sides(name).side
     passing = (sides == PASSING).all(axis=1)
     return {
@@ -97,6 +98,7 @@ def _garment(simulation: Simulation, name: str) -> dict[str, int]:
         "shapes_under": int((sides == UNDER).all(axis=1).sum()),
         "shapes_against_a_part": int(((sides == OPPOSED).any(axis=1) & ~passing).sum()),
         "shapes_passing": int(np.count_nonzero(passing)),
+        "limits": list(simulation.limits(name)),
     }
 
 
@@ -113,4 +115,5 @@ def in_words(told: dict[str, Any]) -> list[str]:
             f"layer {g['layer']}; {g['shapes_under']} shapes under it, "
             f"{g['shapes_against_a_part']} against a part of it, {g['shapes_passing']} pass it by"
         )
+        lines.extend(f"{name}: limited: {limit}" for limit in g["limits"])
     return lines

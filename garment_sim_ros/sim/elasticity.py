@@ -36,18 +36,19 @@ class Hinges(NamedTuple):
     stiffness: FloatArray
 
 
-def stretched_by_its_weight(material: Material, rest: FloatArray, strain: float) -> Material:
-    """The material, in its plane no stiffer than lets its own weight stretch it by so much.
-
-    Beyond, in single precision, a coordinate's last place is a force that outweighs particles, and
-    cloth sticks wherever it is.
+def stiffness_by_weight(material: Material, extent: float, strain: float) -> float:
+    """Stiffness in the plane with which a garment's own weight stretches it by so much [N/m].
 
     Args:
         material: The fabric.
-        rest: Rest positions [m], shape [n, 3].
-        strain: Stretch of a garment that hangs by one end of its longest extent.
+        extent: The garment's longest extent, by one end of which it hangs [m].
+        strain: Its stretch.
     """
-    most = material.areal_density * GRAVITY * float(np.ptp(rest, axis=0).max()) / strain
+    return material.areal_density * GRAVITY * extent / strain
+
+
+def no_stiffer(material: Material, most: float) -> Material:
+    """The material, in its plane at most so stiff [N/m]."""
     return replace(
         material,
         stretch_stiffness_warp=min(material.stretch_stiffness_warp, most),

@@ -161,6 +161,10 @@ class Simulation:
         """Tethers and soft attachments of a garment."""
         return self._worn[name].workspace.attached
 
+    def limits(self, name: str) -> tuple[str, ...]:
+        """What the solver does not take as a garment's material has it, in words."""
+        return self._worn[name].workspace.limits
+
     def own_distance(self, name: str) -> float | None:
         """The distance that parts of a garment keep from each other [m]; None without."""
         return self._worn[name].garment.self_collision

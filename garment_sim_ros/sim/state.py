@@ -71,6 +71,7 @@ class Workspace:
         earliest: Scratch of contact by the earliest hit; None until a step needs it.
         points: Points between the particles that meet shapes, too; None unless asked for.
         points_at: Where those are.
+        limits: What the solver does not take as the material has it, in words.
         motion: Sum of squared speeds and highest squared speed after the last step [m^2/s^2],
             shape [2]; not finite as soon as any velocity is.
     """
@@ -86,6 +87,7 @@ class Workspace:
     earliest: EarliestContact | None = None
     points: SamplePoints | None = None
     points_at: str = "particles"
+    limits: tuple[str, ...] = ()
 
     def contact_points(self, model: ClothModel, at: str) -> SamplePoints | None:
         """The points between particles that settings ask for, made when first asked for."""

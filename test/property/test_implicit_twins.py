@@ -13,7 +13,7 @@ from garment_sim_ros.sim.elasticity import hinges
 from garment_sim_ros.sim.kernels.cholesky import factorise, solve_factorised
 from garment_sim_ros.sim.kernels.implicit_forces import edge_forces, hinge_forces, on_the_cone
 from garment_sim_ros.sim.kernels.quasi_newton import descend, remember
-from garment_sim_ros.sim.solvers.implicit import Past, bending_bound
+from garment_sim_ros.sim.solvers.implicit_workspace import Past, bending_bound
 
 pytestmark = pytest.mark.slow
 

@@ -54,6 +54,7 @@ def layers_ahead(x, triangles, at, y):
         pytest.param("hull", "relaxation", marks=pytest.mark.slow),
         pytest.param("ellipsoid", "relaxation", marks=pytest.mark.slow),
         ("capsule", "xpbd"),
+        pytest.param("capsule", "implicit", marks=pytest.mark.slow),
     ],
 )
 def test_a_fast_limb_does_not_pass_through_a_curtain(cloth, kind, solver):

@@ -7,6 +7,7 @@ what acts on pins.
 import numpy as np
 
 from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.sim.kernels.implicit_contact import on_the_cone
 
 _ONE = np.uint64(1)
 _TWO = np.uint64(2)
@@ -29,17 +30,20 @@ def falls(share):
 
 
 @kernel()
-def predict_with_share(x, v, x_start, x_inertial, share, push, keep, dt):
-    """Positions without inner forces, and those from which these are found.
+def predict_with_share(x, v, x_start, behind, share, push, keep, dt):
+    """Positions from which those of least energy are found.
 
-    The latter have only a part of what outer forces push: all of it in free fall, none at rest,
-    where the start is then the solution; in between, see `falls`.
+    They have only a part of what outer forces push: all of it in free fall, none at rest,
+    where the start is then the solution; in between, see `falls`. How far that is from where
+    particles would be without inner forces is kept by itself: as a difference of two positions it
+    would be rounded to a coordinate's last place, which over a short sub-step is much velocity.
 
     Args:
         x: Positions, changed in place [m], shape [n, 3].
         v: Velocities [m/s], shape [n, 3].
         x_start: Output, positions before [m], shape [n, 3].
-        x_inertial: Output, positions without inner forces [m], shape [n, 3].
+        behind: Output, the way from there to where particles would be without inner forces [m],
+            shape [n, 3].
         share: Which part of it each particle fell freely of late, from 0 to 1, shape [n].
         push: Velocity that outer forces add in the sub-step [m/s], shape [3].
         keep: Part of velocity that is kept.
@@ -51,7 +55,7 @@ def predict_with_share(x, v, x_start, x_inertial, share, push, keep, dt):
             start = x[p, k]
             coasted = keep * v[p, k]
             x_start[p, k] = start
-            x_inertial[p, k] = start + dt * (coasted + push[k])
+            behind[p, k] = dt * ((np.float32(1.0) - fall) * push[k])
             x[p, k] = start + dt * (coasted + fall * push[k])
 
 
@@ -133,24 +137,8 @@ def hinge_forces(x, particles, place, weight, stiffness, force):
 
 
 @kernel()
-def on_the_cone(ux, uy, uz, nx, ny, nz, gap, friction):
-    """A contact's force over its stiffness: the gap along the normal, and as much of u as holds.
-
-    That is the part of u across the normal, shortened to friction times the gap (Coulomb's law).
-    """
-    along = ux * nx + uy * ny + uz * nz
-    ux -= along * nx
-    uy -= along * ny
-    uz -= along * nz
-    slip = np.sqrt(ux * ux + uy * uy + uz * uz)
-    limit = friction * gap
-    held = np.float32(1.0) if slip <= limit else limit / slip
-    return held * ux + gap * nx, held * uy + gap * ny, held * uz + gap * nz
-
-
-@kernel()
-def add_inertia_and_contact(x, x_start, x_inertial, place, inertia, friction, hold, force):
-    """Adds m (x_inertial - x) / h^2, and what contacts press and hold.
+def add_inertia_and_contact(x, x_start, behind, place, inertia, friction, hold, force):
+    """Adds what inertia asks for, and what contacts press and hold.
 
     A particle beneath its contact's plane is pressed by a spring; along the surface another one
     holds it at its anchor, which moves with the shape, as far as friction goes.
@@ -158,20 +146,20 @@ def add_inertia_and_contact(x, x_start, x_inertial, place, inertia, friction, ho
     Args:
         x: Positions [m], shape [free, 3].
         x_start: Positions at the start of the sub-step [m], shape [free, 3].
-        x_inertial: Positions without inner forces [m], shape [free, 3].
+        behind: From there to the positions without inner forces [m], shape [n, 3].
         place: Column of each particle, shape [free].
         inertia: Mass over squared sub-step, with damping [N/m], shape [free].
         friction: Coulomb coefficient.
-        hold: `solvers.implicit.Hold`.
+        hold: `solvers.implicit_workspace.Hold`.
         force: Changed in place [N], shape [3, free + 1].
     """
     zero = np.float32(0.0)
     for p in range(x.shape[0]):
         q = np.uint64(place[p])
         m = inertia[p]
-        fx = m * (x_inertial[p, 0] - x[p, 0])
-        fy = m * (x_inertial[p, 1] - x[p, 1])
-        fz = m * (x_inertial[p, 2] - x[p, 2])
+        fx = m * behind[p, 0]
+        fy = m * behind[p, 1]
+        fz = m * behind[p, 2]
         grip = hold.grip[p]
         if grip > zero:
             nx, ny, nz = hold.normal[p, 0], hold.normal[p, 1], hold.normal[p, 2]
@@ -190,157 +178,11 @@ def add_inertia_and_contact(x, x_start, x_inertial, place, inertia, friction, ho
 
 
 @kernel()
-def move(x, place, change, step):
-    """Adds `step` times the columns [3, free + 1] of `change` to particles [free, 3]."""
+def move(x, behind, place, change, step):
+    """Moves particles [free, 3] by `step` times the columns [3, free + 1] of `change`."""
     for p in range(x.shape[0]):
         q = np.uint64(place[p])
-        x[p, 0] += step * change[0, q]
-        x[p, 1] += step * change[1, q]
-        x[p, 2] += step * change[2, q]
-
-
-@kernel()
-def new_velocities(
-    x, v, x_start, x_inertial, friction, push, keep, dt, blend, share, hold, motion
-):
-    """Velocities from positions; shares and anchors follow.
-
-    What a contact presses keeps the surface's velocity across it: contact is inelastic, and being
-    moved out gives no kick.
-
-    Args:
-        x: Positions [m], shape [free, 3].
-        v: Velocities, changed in place [m/s], shape [free, 3].
-        x_start: Positions at the start of the sub-step [m], shape [free, 3].
-        x_inertial: Positions without inner forces [m], shape [free, 3].
-        friction: Coulomb coefficient.
-        push: Velocity that outer forces add in the sub-step [m/s], shape [3].
-        keep: Part of velocity that is kept.
-        dt: Sub-step [s].
-        blend: How much of the new share counts.
-        share: Changed in place, see `predict_with_share`, shape [free].
-        hold: `solvers.implicit.Hold`; levers become relative to the new positions.
-        motion: Output, sum and maximum of squared speeds [m^2/s^2], shape [2].
-
-    Returns:
-        Number of particles that contacts press.
-    """
-    zero = np.float32(0.0)
-    one = np.float32(1.0)
-    rate = one / dt
-    squared = push[0] * push[0] + push[1] * push[1] + push[2] * push[2]
-    touching = 0
-    total = 0.0
-    fastest = zero
-    for p in range(x.shape[0]):
-        grip = hold.grip[p]
-        nx, ny, nz = hold.normal[p, 0], hold.normal[p, 1], hold.normal[p, 2]
-        level = hold.level[p]
-        fall = falls(share[p])
         for k in range(3):
-            # Where the particle would have been without inner forces and contact.
-            level -= hold.normal[p, k] * (x_start[p, k] + dt * (keep * v[p, k] + fall * push[k]))
-        gained = zero
-        for k in range(3):
-            gain = push[k] + (x[p, k] - x_inertial[p, k]) * rate
-            v[p, k] = keep * v[p, k] + gain
-            gained += gain * push[k]
-        now = min(one, max(zero, gained / squared)) if squared > zero else one
-        now = share[p] + blend * (now - share[p])
-        share[p] = now if now >= zero else one  # Also after something that was not a number.
-        if grip > zero:
-            gap = hold.level[p] - (x[p, 0] * nx + x[p, 1] * ny + x[p, 2] * nz)
-            if max(gap, level) > zero:
-                touching += 1
-                leaving = (
-                    (v[p, 0] - rate * hold.ride[p, 0]) * nx
-                    + (v[p, 1] - rate * hold.ride[p, 1]) * ny
-                    + (v[p, 2] - rate * hold.ride[p, 2]) * nz
-                )
-                leaving = max(leaving, zero)
-                v[p, 0] -= leaving * nx
-                v[p, 1] -= leaving * ny
-                v[p, 2] -= leaving * nz
-            if gap > zero:
-                ux = x_start[p, 0] - x[p, 0] + hold.lever[p, 0] + hold.ride[p, 0]
-                uy = x_start[p, 1] - x[p, 1] + hold.lever[p, 1] + hold.ride[p, 1]
-                uz = x_start[p, 2] - x[p, 2] + hold.lever[p, 2] + hold.ride[p, 2]
-                ux, uy, uz = on_the_cone(ux, uy, uz, nx, ny, nz, gap, friction)
-                hold.lever[p, 0] = ux - gap * nx
-                hold.lever[p, 1] = uy - gap * ny
-                hold.lever[p, 2] = uz - gap * nz
-            else:
-                hold.lever[p, 0] = hold.lever[p, 1] = hold.lever[p, 2] = zero
-        speed = v[p, 0] * v[p, 0] + v[p, 1] * v[p, 1] + v[p, 2] * v[p, 2]
-        total += speed
-        fastest = max(fastest, speed)
-    motion[0] = total
-    motion[1] = fastest
-    return touching
-
-
-@kernel()
-def take_hold(x, x_start, x_clear, contacts, carry, lift, grip, hold):
-    """Planes of contact after a search with `lift` on top of the thickness.
-
-    Each lies across the way out that the search found, `lift` below where that ends; a particle
-    that is pinched between two sides is to go all the way.
-
-    Args:
-        x: Positions [m], shape [free, 3].
-        x_start: Positions at the start of the sub-step [m], shape [free, 3].
-        x_clear: Positions that the search moved to thickness and lift [m], shape [free, 3].
-        contacts: What the search found.
-        carry: How points move with the shapes in a sub-step, see `PosedShapes`, shape [m, 3, 4].
-        lift: How far above a surface contacts are found [m].
-        grip: Stiffness of a contact [N/m], shape [free].
-        hold: `solvers.implicit.Hold`, changed in place.
-    """
-    zero = np.float32(0.0)
-    for p in range(x.shape[0]):
-        c = contacts.shape[p]
-        if c < 0:
-            hold.grip[p] = zero
-            continue
-        if hold.grip[p] == zero:
-            hold.lever[p] = zero
-        hold.grip[p] = grip[p]
-        dx = x_clear[p, 0] - x[p, 0]
-        dy = x_clear[p, 1] - x[p, 1]
-        dz = x_clear[p, 2] - x[p, 2]
-        way = np.sqrt(dx * dx + dy * dy + dz * dz)
-        if way > np.float32(0.1) * lift:
-            way = np.float32(1.0) / way
-            hold.normal[p, 0] = way * dx
-            hold.normal[p, 1] = way * dy
-            hold.normal[p, 2] = way * dz
-        else:
-            hold.normal[p] = contacts.normal[p]
-        level = zero if contacts.depth[p] == np.float32(np.inf) else -lift
-        sx, sy, sz = x_start[p, 0], x_start[p, 1], x_start[p, 2]
-        for k in range(3):
-            level += hold.normal[p, k] * x_clear[p, k]
-            hold.ride[p, k] = (
-                carry[c, k, 0] * sx + carry[c, k, 1] * sy + carry[c, k, 2] * sz + carry[c, k, 3]
-            )
-        hold.level[p] = level
-
-
-@kernel()
-def update_diagonal(base, place, owner, hold, diagonal, changed):
-    """The matrix's diagonal with the contacts' stiffnesses; marks the fronts that it changes.
-
-    Args:
-        base: Without contacts, in the order of elimination [N/m], shape [free].
-        place: Column of each particle, shape [free].
-        owner: Front of each column, shape [free].
-        hold: `solvers.implicit.Hold`.
-        diagonal: Changed in place [N/m], shape [free].
-        changed: Set where a front has another entry now, shape [fronts].
-    """
-    for p in range(place.size):
-        q = place[p]
-        now = base[q] + np.float64(hold.grip[p])
-        if now != diagonal[q]:
-            diagonal[q] = now
-            changed[owner[q]] = True
+            moved = step * change[k, q]
+            x[p, k] += moved
+            behind[p, k] -= moved

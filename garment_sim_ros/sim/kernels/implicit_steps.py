@@ -1,19 +1,18 @@
-"""A sub-step of `implicit` before and after its search for contacts."""
+"""A sub-step of `implicit`: the prediction, and the positions of least energy."""
 
 import numpy as np
 
 from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.sim.kernels.cholesky import factorise
+from garment_sim_ros.sim.kernels.implicit_contact import take_hold, update_diagonal
 from garment_sim_ros.sim.kernels.implicit_forces import (
     add_inertia_and_contact,
     edge_forces,
     hinge_forces,
     move,
-    new_velocities,
     predict_with_share,
-    take_hold,
-    update_diagonal,
 )
+from garment_sim_ros.sim.kernels.implicit_ties import add_ties, follow_ties
 from garment_sim_ros.sim.kernels.motion import carry_pins
 from garment_sim_ros.sim.kernels.quasi_newton import descend, dot, remember
 
@@ -22,7 +21,7 @@ _TOO_FAR = 0.9
 
 
 @kernel()
-def all_forces(x, free, x_start, x_inertial, cloth, friction, hold, force):
+def all_forces(x, free, x_start, behind, ties, cloth, friction, hold, force):
     """Less the gradient of a sub-step's energy [N], in the order of elimination, [3, free + 1]."""
     edge_forces(
         x.reshape(-1),
@@ -41,32 +40,40 @@ def all_forces(x, free, x_start, x_inertial, cloth, friction, hold, force):
         force,
     )
     add_inertia_and_contact(
-        x[:free], x_start, x_inertial, cloth.place, cloth.inertia, friction, hold, force
+        x[:free], x_start, behind, cloth.place, cloth.inertia, friction, hold, force
     )
+    add_ties(cloth.place, ties, force)
     force[:, free] = np.float32(0.0)
 
 
 @kernel()
-def minimise(x, free, x_start, x_inertial, cloth, friction, hold, past, iterations):
+def advance(x, behind, ties, place, direction, step):
+    """Goes so much of a direction [3, free + 1]."""
+    move(x, behind, place, direction, step)
+    follow_ties(place, ties, direction, step)
+
+
+@kernel()
+def minimise(x, free, x_start, behind, ties, cloth, friction, hold, past, iterations):
     """Steps towards the least energy, from x, which is changed in place."""
     force, other, direction = past.now, past.next, past.direction
-    all_forces(x, free, x_start, x_inertial, cloth, friction, hold, force)
+    all_forces(x, free, x_start, behind, ties, cloth, friction, hold, force)
     count = 0
     for i in range(iterations):
         descend(force, cloth.fronts, cloth.factor, cloth.scratch, past, count, direction)
         before = dot(force, direction)
         if not before > 0.0:
             break
-        move(x[:free], cloth.place, direction, np.float32(1.0))
+        advance(x[:free], behind, ties, cloth.place, direction, np.float32(1.0))
         if i + 1 == iterations and count == 0:
             break  # The matrix is an upper bound: the first step is never too long.
-        all_forces(x, free, x_start, x_inertial, cloth, friction, hold, other)
+        all_forces(x, free, x_start, behind, ties, cloth, friction, hold, other)
         after = dot(other, direction)
         step = 1.0
         if after < -_TOO_FAR * before:
             step = before / (before - after)
-            move(x[:free], cloth.place, direction, np.float32(step - 1.0))
-            all_forces(x, free, x_start, x_inertial, cloth, friction, hold, other)
+            advance(x[:free], behind, ties, cloth.place, direction, np.float32(step - 1.0))
+            all_forces(x, free, x_start, behind, ties, cloth, friction, hold, other)
         count = remember(past, count, direction, step, force, other)
         force, other = other, force
 
@@ -77,8 +84,7 @@ def begin_sub_step(
     v,
     free,
     x_start,
-    x_inertial,
-    x_clear,
+    behind,
     share,
     pin_collider,
     pin_position,
@@ -96,8 +102,7 @@ def begin_sub_step(
         v: Velocities; those of pins are changed in place [m/s], shape [n, 3].
         free: Number of free particles, the first ones.
         x_start: Output, positions before [m], shape [n, 3].
-        x_inertial: Output, positions without inner forces [m], shape [n, 3].
-        x_clear: Output, a copy of the free particles' new positions [m], shape [free, 3].
+        behind: Output, see `predict_with_share`, shape [n, 3].
         share: See `predict_with_share`, shape [free].
         pin_collider: Collider that each pin rides on, shape [p].
         pin_position: Its place in that collider's frame [m], shape [p, 3].
@@ -108,64 +113,55 @@ def begin_sub_step(
         keep: Part of velocity that is kept.
         dt: Sub-step [s].
     """
-    predict_with_share(
-        x[:free], v[:free], x_start[:free], x_inertial[:free], share, push, keep, dt
-    )
+    predict_with_share(x[:free], v[:free], x_start, behind, share, push, keep, dt)
+    x_start[free:] = x[free:]
     carry_pins(x[free:], v[free:], pin_collider, pin_position, position, orientation, origin, dt)
-    x_clear[:] = x[:free]
 
 
 @kernel()
-def end_sub_step(
+def keep_up(x, x_before, behind):
+    """`behind` after particles were put elsewhere than `x_before`; arrays [n, 3]."""
+    for p in range(x.shape[0]):
+        for k in range(3):
+            behind[p, k] += x_before[p, k] - x[p, k]
+
+
+@kernel()
+def find_positions(
     x,
-    v,
     free,
     x_start,
-    x_inertial,
+    behind,
     x_clear,
+    ties,
     cloth,
     hold,
     past,
-    share,
     contacts,
     carry,
     friction,
     lift,
-    push,
-    keep,
-    dt,
-    blend,
     iterations,
-    motion,
 ):
-    """From a prediction and the contacts found there to the end of a sub-step.
+    """From a prediction and the contacts found there to the positions of least energy.
 
     Args:
         x: Positions, changed in place [m], shape [n, 3].
-        v: Velocities, changed in place [m/s], shape [n, 3].
         free: Number of free particles, the first ones.
         x_start: Positions at the start [m], shape [n, 3].
-        x_inertial: Positions without inner forces [m], shape [n, 3].
-        x_clear: Positions that the search moved to thickness and lift [m], shape [free, 3].
-        cloth: `solvers.implicit.Cloth`.
-        hold: `solvers.implicit.Hold`.
-        past: `solvers.implicit.Past`.
-        share: See `predict_with_share`, shape [free].
+        behind: See `predict_with_share`; follows x, shape [n, 3].
+        x_clear: Positions that the search moved to thickness and lift [m], shape [n, 3].
+        ties: `solvers.implicit_workspace.Ties`.
+        cloth: `solvers.implicit_workspace.Cloth`.
+        hold: `solvers.implicit_workspace.Hold`.
+        past: `solvers.implicit_workspace.Past`.
         contacts: What the search found.
         carry: How points move with the shapes in the sub-step, see `PosedShapes`.
         friction: Coulomb coefficient.
         lift: How far above a surface contacts are found [m].
-        push: Velocity that outer forces add in the sub-step [m/s], shape [3].
-        keep: Part of velocity kept in it.
-        dt: Sub-step [s].
-        blend: See `new_velocities`.
         iterations: Steps towards the least energy.
-        motion: Output, sum and maximum of squared speeds [m^2/s^2], shape [2].
-
-    Returns:
-        Number of particles that contacts press.
     """
-    take_hold(x[:free], x_start[:free], x_clear, contacts, carry, lift, cloth.grip, hold)
+    take_hold(x[:free], x_start, x_clear, contacts, carry, lift, cloth.grip, hold)
     update_diagonal(
         cloth.base, cloth.place, cloth.fronts.owner, hold, cloth.diagonal, cloth.changed
     )
@@ -178,18 +174,4 @@ def end_sub_step(
         cloth.update,
         cloth.factor,
     )
-    minimise(x, free, x_start[:free], x_inertial[:free], cloth, friction, hold, past, iterations)
-    return new_velocities(
-        x[:free],
-        v[:free],
-        x_start[:free],
-        x_inertial[:free],
-        friction,
-        push,
-        keep,
-        dt,
-        blend,
-        share,
-        hold,
-        motion,
-    )
+    minimise(x, free, x_start, behind, ties, cloth, friction, hold, past, iterations)

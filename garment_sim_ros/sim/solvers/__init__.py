@@ -45,6 +45,7 @@ SOLVERS: Mapping[str, Solver] = {
         step=implicit.step,
         workspace=implicit.ImplicitWorkspace.room_for,
         settings=ImplicitSettings,
+        attaches=True,
     ),
 }
 """Solvers by name."""
