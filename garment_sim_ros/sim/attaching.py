@@ -8,7 +8,6 @@ from garment_sim_ros.geometry.geodesics import mesh_edges, mesh_graph
 from garment_sim_ros.sim.attached import Attached
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.placement import Frames, GarmentLike, places_in_frames
-from garment_sim_ros.sim.state import ColliderState, State
 
 IntArray = NDArray[np.int32]
 FloatArray = NDArray[np.float64]
@@ -104,21 +103,3 @@ def _groups(triangles: IntArray, pins: IntArray) -> list[IntArray]:
             return [pins[label[pins] == k] for k in np.unique(label[pins])]
         for end in edges.T:
             np.minimum.at(label, end, low)
-
-
-def hold_after_step(attached: Attached, state: State, colliders: ColliderState, dt: float) -> None:
-    """Lets them act after the step of a solver that knows nothing of them.
-
-    Args:
-        attached: What the garment asks for.
-        state: Its motion after a step, changed in place.
-        colliders: The colliders in that step.
-        dt: The step [s].
-    """
-    x_start = state.x - np.float32(dt) * state.v
-    attached.pull(
-        *(state.x, state.v, x_start, colliders.end, colliders.origin),
-        keep=1.0,
-        dt=dt,
-        rate=1.0 / dt,
-    )

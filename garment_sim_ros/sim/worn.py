@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.geometry.contact_sides import Sides
 from garment_sim_ros.geometry.shapes import ColliderSet
-from garment_sim_ros.sim.attaching import attached_to, hold_after_step
+from garment_sim_ros.sim.attaching import attached_to
 from garment_sim_ros.sim.backstop import Backstop
 from garment_sim_ros.sim.constraint import Constraint
 from garment_sim_ros.sim.health import Health
@@ -49,7 +49,6 @@ class Worn:
         health: Counts and readings.
         places: Where it would be as skin, None unless a constraint asks.
         constraints: What holds it after each step; only what the garment asks for.
-        attaches: Whether the solver lets the workspace's `attached` act.
         x_world: World positions of its vertices in file order [m], shape [v, 3].
         normal: Their unit normals, shape [v, 3].
     """
@@ -64,7 +63,6 @@ class Worn:
     health: Health
     places: SkinPlaces | None
     constraints: tuple[Constraint, ...]
-    attaches: bool
     x_world: SingleArray
     normal: SingleArray
 
@@ -112,7 +110,6 @@ class Worn:
             health=Health(),
             places=places,
             constraints=_constraints(garment, places, model, workspace),
-            attaches=by.attaches,
             x_world=np.zeros((len(model), 3), np.float32),
             normal=np.zeros((len(model), 3), np.float32),
         )
@@ -129,8 +126,6 @@ class Worn:
         held = 0
         attached = self.workspace.attached
         if attached.is_anything:
-            if not self.attaches:
-                hold_after_step(attached, self.state, colliders, dt)
             held += int(attached.held[0])
         if self.places is not None:
             self.places.follow(colliders, dt)

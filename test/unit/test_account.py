@@ -55,6 +55,23 @@ def test_a_garment_that_does_not_pass_through_itself_is_told_of(cloth):
     assert simulation.own_distance("cloth") == 0.002
 
 
+def test_what_the_implicit_solver_limits_is_told(cloth):
+    """Its own weight stretches cloth of 0.16 m and 0.2 kg/m^2 by 1e-5 at 3.14e4 N/m."""
+    vertices, triangles = cloth.grid(8, 9)
+    stiff = cloth.garment(
+        vertices, triangles, areal_density=0.2, stretch_stiffness_warp=1e6, bending_stiffness=1e3
+    )
+    usual = dataclasses.replace(cloth.garment(vertices, triangles), name="usual")
+    found = account(Simulation((stiff, usual), cloth.colliders(), solver="implicit"))
+    assert found["garments"]["usual"]["limits"] == []
+    limits = found["garments"]["cloth"]["limits"]
+    assert limits[0] == "stretch_stiffness_warp counts as 3.14e+04 N/m, not 1e+06"
+    assert "hinges" in limits[1]
+    assert f"cloth: limited: {limits[0]}" in in_words(found)
+    free = account(Simulation((stiff,), cloth.colliders(), solver="xpbd"))
+    assert free["garments"]["cloth"]["limits"] == []
+
+
 def test_garments_are_counted(cloth):
     found = told(cloth, BALL)["garments"]["inner"]
     assert (found["vertices"], found["triangles"], found["pinned"]) == (72, 112, 9)

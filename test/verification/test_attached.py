@@ -1,22 +1,22 @@
 """Tethers and soft attachments, in every solver."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.shapes import ColliderPoses
-from garment_sim_ros.params import RelaxationSettings, XpbdSettings
+from garment_sim_ros.params import Environment, ImplicitSettings, RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.attached import Attached
-from garment_sim_ros.sim.attaching import hold_after_step, nearest_pins
+from garment_sim_ros.sim.attaching import nearest_pins
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.placement import SoftAttachments
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.state import State
 
 SOLVERS = ("relaxation", "xpbd")
+ALL = (*SOLVERS, pytest.param("implicit", marks=pytest.mark.slow))
 COARSE = {
     "relaxation": RelaxationSettings(sweeps=1),
     "xpbd": XpbdSettings(sub_step=1 / 360, bending_every=2),
@@ -35,7 +35,7 @@ def at(x):
     return poses
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ALL)
 @pytest.mark.parametrize("stiffness", [0.05, 1.0, 50.0, 1e4, np.inf])
 def test_soft_attachments_give_way_by_weight_over_stiffness(cloth, solver, stiffness):
     vertices, triangles = curtain(cloth, 10, 10)
@@ -55,10 +55,11 @@ def test_soft_attachments_give_way_by_weight_over_stiffness(cloth, solver, stiff
     sunk = vertices[top, 2] - simulation.positions("cloth")[top, 2].astype(float)
     # Half a percent, and the rounding of a coordinate of 0.1 m in single precision.
     assert sunk.mean() == pytest.approx(weight / (10.0 * stiffness), rel=5e-3, abs=1e-8)
+    assert simulation.health("cloth").rms_speed < 1e-3
     assert simulation.health("cloth").resets == 0
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ALL)
 def test_soft_attachments_ride_with_their_bone(cloth, solver):
     """Far enough for the local origin to follow; as fast as the bone, whatever the damping."""
     vertices, triangles = curtain(cloth, 4, 4)
@@ -79,7 +80,7 @@ def test_soft_attachments_ride_with_their_bone(cloth, solver):
 
 
 def test_a_single_spring_is_backward_euler(cloth):
-    """Step by step against its closed form, in the form for solvers that do not know of it."""
+    """Step by step against its closed form."""
     vertices, triangles = curtain(cloth, 2, 2)
     model = build_model("cloth", vertices, triangles, cloth.garment(vertices, triangles).material)
     k, c, h = 40.0, 0.3, 0.02
@@ -93,16 +94,50 @@ def test_a_single_spring_is_backward_euler(cloth):
     state = State.at(model, vertices + np.array([0.01, 0.0, 0.0]), np.zeros(3))
     x, v = 0.01, 0.0
     poses = ColliderPoses.identity(1)
-    colliders = SimpleNamespace(end=poses, origin=np.zeros(3))
     scrap = [state.x.copy() for _ in range(3)]
     attached.pull(*scrap, poses, np.zeros(3), keep=1.0, dt=h, rate=0.0)  # learns the place
     m = float(model.mass[1])
     for _ in range(20):
+        start = state.x.copy()
         state.x += np.float32(h) * state.v
-        hold_after_step(attached, state, colliders, h)
+        attached.pull(*(state.x, state.v, start, poses, np.zeros(3)), keep=1.0, dt=h, rate=1.0 / h)
         v = (m * v - h * k * x) / (m + h * c + h * h * k)
         x += h * v
         assert state.x[1, 0] - model.rest[1, 0] == pytest.approx(x, abs=2e-7)
+
+
+@pytest.mark.slow
+def test_springs_and_dampers_of_the_implicit_solver_are_backward_euler(cloth):
+    """A cloth put aside as a whole, all with one stiffness and damping per mass: x and v."""
+    vertices, triangles = curtain(cloth, 3, 3)
+    garment = cloth.garment(vertices, triangles)
+    model = build_model("cloth", vertices, triangles, garment.material)
+    mass = np.empty(9)
+    mass[model.vertex] = model.mass
+    a, b, h = 400.0, 3.0, 0.02
+    soft = SoftAttachments(
+        vertices=np.arange(9),
+        frame=np.zeros(9, np.int32),
+        stiffness=a * mass,
+        damping=b * mass,
+    )
+    simulation = Simulation(
+        (dataclasses.replace(garment, soft=soft),),
+        cloth.colliders(),
+        solver="implicit",
+        settings=ImplicitSettings(sub_step=h),
+        environment=Environment(gravity=(0.0, 0.0, 0.0)),
+        solver_step=h,
+    )
+    simulation.advance(at(0.0), at(0.0))  # Learns the places.
+    simulation.state("cloth").x[:, 0] += np.float32(0.01)
+    x, v = 0.01, 0.0
+    for _ in range(20):
+        simulation.advance(at(0.0), at(0.0))
+        v = (v - h * a * x) / (1.0 + h * b + h * h * a)
+        x += h * v
+        moved = simulation.positions("cloth") - vertices
+        assert moved == pytest.approx(np.outer(np.ones(9), [x, 0.0, 0.0]), abs=1e-6)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -136,7 +171,7 @@ def test_tethers_keep_a_long_cloth_short(cloth, solver):
     assert longest[1] <= 1.02 + 1e-5
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ALL)
 def test_slack_tethers_change_nothing(cloth, solver):
     vertices, triangles = curtain(cloth, 8, 8)
     found = []

@@ -19,13 +19,11 @@ class Solver:
         step: ``step(model, collider_state, params, state, workspace, dt)``.
         workspace: Makes the scratch arrays that its step needs for a model and a number of shapes.
         settings: Its group of numerical parameters.
-        attaches: Whether its step lets `Workspace.attached` act; else that does after the step.
     """
 
     step: Step
     workspace: Callable[[ClothModel, int], Workspace]
     settings: type
-    attaches: bool = False
 
 
 SOLVERS: Mapping[str, Solver] = {
@@ -33,19 +31,16 @@ SOLVERS: Mapping[str, Solver] = {
         step=relaxation.step,
         workspace=Workspace.room_for,
         settings=RelaxationSettings,
-        attaches=True,
     ),
     "xpbd": Solver(
         step=xpbd.step,
         workspace=xpbd.XpbdWorkspace.room_for,
         settings=XpbdSettings,
-        attaches=True,
     ),
     "implicit": Solver(
         step=implicit.step,
         workspace=implicit.ImplicitWorkspace.room_for,
         settings=ImplicitSettings,
-        attaches=True,
     ),
 }
 """Solvers by name."""

@@ -1,63 +1,73 @@
-"""The `implicit` solver behind the contract of all solvers."""
+"""Solvers with physical stiffness behind the contract that all solvers share."""
 
 import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python
 
-from garment_sim_ros.geometry.dissection import dissect
 from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
-from garment_sim_ros.geometry.topology import mesh_topology
-from garment_sim_ros.params import ImplicitSettings
+from garment_sim_ros.params import ImplicitSettings, XpbdSettings
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.warm_up import warm_up
 
+SETTINGS = {"xpbd": XpbdSettings, "implicit": ImplicitSettings}
+TOUCH = {"xpbd": 1e-6, "implicit": 1e-4}
+"""How far contact gives way at rest [m]; of `implicit` it is a spring: 0.1 mm for 20 times a
+particle's weight."""
 
-def on_a_ball(cloth, side=12, settings=None, solver_step=1 / 60, **material):
+both = pytest.mark.parametrize("solver", SETTINGS)
+
+
+def on_a_ball(cloth, solver, side=12, solver_step=1 / 60, settings=None, **material):
     vertices, triangles = cloth.grid(side, side, 0.24 / side)
     garment = cloth.garment(
-        vertices + np.array([0.0, 0.0, 0.103]),
-        triangles,
-        **{"friction": 0.4, "damping": 2.0, **material},
+        vertices + np.array([0.0, 0.0, 0.103]), triangles, friction=0.4, damping=2.0, **material
     )
     ball = Collider(name="a", kind="sphere", bone="bone", geometry={"radius": 0.1})
     return Simulation(
         (garment,),
         cloth.colliders(ball),
-        solver="implicit",
+        solver=solver,
         settings=settings,
         solver_step=solver_step,
     )
 
 
-@pytest.mark.slow
-def test_warm_up_knows_it():
-    warm_up("implicit")
+@pytest.mark.parametrize("solver", ["xpbd", pytest.param("implicit", marks=pytest.mark.slow)])
+def test_warm_up_knows_it(solver):
+    warm_up(solver)
 
 
-def test_settings_have_defaults(cloth):
-    assert on_a_ball(cloth).parameters.settings == ImplicitSettings()
+@both
+def test_settings_have_defaults(cloth, solver):
+    assert on_a_ball(cloth, solver).parameters.settings == SETTINGS[solver]()
 
 
-def test_a_cloth_on_a_ball_rests_outside_and_hardly_moves(cloth):
-    simulation = on_a_ball(
-        cloth, bending_stiffness=1e-5, settings=ImplicitSettings(sub_step=1 / 240)
-    )
+@both
+def test_a_cloth_on_a_ball_rests_at_the_thickness_and_hardly_moves(cloth, solver):
+    settings = ImplicitSettings(sub_step=1 / 240) if solver == "implicit" else None
+    simulation = on_a_ball(cloth, solver, bending_stiffness=1e-5, settings=settings)
     still = ColliderPoses.identity(2)
     simulation.reset(still)
-    for _ in range(180):
+    for _ in range(120 if solver == "xpbd" else 180):
         simulation.advance(still, still, 1 / 60)
         distance = np.linalg.norm(simulation.positions("cloth"), axis=1)
-        # A contact is a spring: 20 times its weight presses a particle in by 0.1 mm.
-        assert distance.min() >= 0.102 - 1e-4
+        assert distance.min() >= 0.102 - TOUCH[solver]
     assert distance.min() < 0.1035
+    assert simulation.health("cloth").contacts > 10
     assert simulation.health("cloth").rms_speed < 0.005
 
 
-@pytest.mark.parametrize(("step", "sub_step"), [(1 / 240, 1 / 240), (1 / 15, 1 / 240)])
-def test_cloth_rides_on_a_moving_collider(cloth, step, sub_step):
-    """Contacts move with the shape, in every sub-step."""
-    settings = ImplicitSettings(sub_step=sub_step)
-    simulation = on_a_ball(cloth, settings=settings, solver_step=step)
+@pytest.mark.parametrize(
+    ("solver", "settings", "step"),
+    [
+        ("xpbd", XpbdSettings(bending_every=10), 1 / 60),
+        ("implicit", ImplicitSettings(sub_step=1 / 240), 1 / 240),
+        ("implicit", ImplicitSettings(sub_step=1 / 240), 1 / 15),
+    ],
+)
+def test_cloth_rides_on_a_moving_collider(cloth, solver, settings, step):
+    """Contacts move with the shape, also between searches and in every sub-step."""
+    simulation = on_a_ball(cloth, solver, settings=settings, solver_step=step)
     start = ColliderPoses.identity(2)
     simulation.reset(start)
     for k in range(round(1 / step)):
@@ -67,16 +77,19 @@ def test_cloth_rides_on_a_moving_collider(cloth, step, sub_step):
         start = end
     x = simulation.positions("cloth")
     assert x[:, 0].mean() == pytest.approx(0.5, abs=0.05)
-    assert np.linalg.norm(x - end.position[1], axis=1).min() >= 0.102 - 2e-4
+    # It is moved by the ball's acceleration, too.
+    assert np.linalg.norm(x - end.position[1], axis=1).min() >= 0.102 - 2 * TOUCH[solver]
 
 
+@both
 @pytest.mark.parametrize("step", [1e-4, 1 / 180, 1 / 60, 1 / 3])
 @pytest.mark.parametrize("stiffness", [0.0, 1.0, 1e9])
-def test_any_step_and_stiffness_stays_finite(cloth, step, stiffness):
+def test_any_step_and_stiffness_stays_finite(cloth, solver, step, stiffness):
     simulation = on_a_ball(
         cloth,
+        solver,
         solver_step=step,
-        settings=ImplicitSettings(sub_step=step),
+        settings=ImplicitSettings(sub_step=step) if solver == "implicit" else None,
         stretch_stiffness_warp=stiffness,
         stretch_stiffness_weft=stiffness,
         shear_stiffness=stiffness,
@@ -93,7 +106,8 @@ def test_any_step_and_stiffness_stays_finite(cloth, step, stiffness):
 
 
 def test_a_body_that_is_put_elsewhere_leaves_no_contact_behind(cloth):
-    simulation = on_a_ball(cloth)
+    """Contacts of `implicit` last from step to step."""
+    simulation = on_a_ball(cloth, "implicit")
     here, there = ColliderPoses.identity(2), ColliderPoses.identity(2)
     there.position[1] = [0.0, 0.0, 50.0]
     simulation.reset(here)
@@ -103,11 +117,12 @@ def test_a_body_that_is_put_elsewhere_leaves_no_contact_behind(cloth):
     assert simulation.positions("cloth")[:, 2].max() < -1.0
 
 
-def test_degenerate_triangles_do_no_harm(cloth):
+@both
+def test_degenerate_triangles_do_no_harm(cloth, solver):
     vertices, triangles = cloth.grid(5, 5)
     triangles = np.concatenate([triangles, [[0, 1, 1], [0, 1, 2], [3, 4, 9]], triangles[:2]])
     simulation = Simulation(
-        (cloth.garment(vertices, triangles, pins=[0]),), cloth.colliders(), solver="implicit"
+        (cloth.garment(vertices, triangles, pins=[0]),), cloth.colliders(), solver=solver
     )
     still = ColliderPoses.identity(1)
     for _ in range(30):
@@ -117,20 +132,22 @@ def test_degenerate_triangles_do_no_harm(cloth):
     assert np.ptp(x, axis=0).max() < 0.2
 
 
-def test_everything_may_be_pinned(cloth):
+@both
+def test_everything_may_be_pinned(cloth, solver):
     vertices, triangles = cloth.grid(3, 3)
     garment = cloth.garment(vertices, triangles, pins=range(9))
-    simulation = Simulation((garment,), cloth.colliders(), solver="implicit")
+    simulation = Simulation((garment,), cloth.colliders(), solver=solver)
     still = ColliderPoses.identity(1)
     simulation.advance(still, still, 1 / 60)
     assert np.abs(simulation.positions("cloth") - vertices).max() < 1e-6
 
 
-def test_a_step_allocates_nothing(cloth):
+@both
+def test_a_step_allocates_nothing(cloth, solver):
     """Neither the compiled loop nor what calls it, once it has run."""
 
     def allocations(side):
-        simulation = on_a_ball(cloth, side)
+        simulation = on_a_ball(cloth, solver, side)
         still = ColliderPoses.identity(2)
         simulation.advance(still, still, 1 / 60)
         _nrt_python.memsys_enable_stats()
@@ -141,35 +158,14 @@ def test_a_step_allocates_nothing(cloth):
     assert allocations(8) == allocations(24)
 
 
-def test_the_same_input_gives_the_same_bits(cloth):
+@both
+def test_the_same_input_gives_the_same_bits(cloth, solver):
     ends = []
     for _ in range(2):
-        simulation = on_a_ball(cloth)
+        simulation = on_a_ball(cloth, solver)
         still = ColliderPoses.identity(2)
         simulation.reset(still)
         for _ in range(5):
             simulation.advance(still, still, 1 / 60)
         ends.append(simulation.positions("cloth").tobytes())
     assert ends[0] == ends[1]
-
-
-@pytest.mark.parametrize("side", [2, 9, 40])
-def test_fronts_hold_every_entry_and_all_fill(cloth, side):
-    """Each edge lies in the front of its earlier end, and a front's rows in its parent."""
-    rest, triangles = cloth.grid(side, side)
-    edges = mesh_topology(triangles).edges
-    fronts = dissect(rest, edges)
-    assert sorted(fronts.place) == list(range(side * side))
-    ends = np.sort(fronts.place[edges], axis=1)
-
-    def columns(s):
-        rows = fronts.rows[fronts.row_start[s] : fronts.row_start[s + 1]]
-        return np.concatenate([np.arange(fronts.first[s], fronts.first[s + 1]), rows])
-
-    for low, high in ends:
-        assert {low, high} <= set(columns(fronts.owner[low]))
-    for s, parent in enumerate(fronts.parent):
-        rows = columns(s)[fronts.first[s + 1] - fronts.first[s] :]
-        assert len(rows) == 0 or set(rows) <= set(columns(parent))
-    # A separator of a square has some side vertices: the factor grows like n log n.
-    assert fronts.factor_start[-1] < 40 * side**2 * max(1.0, np.log2(side)) + 32**2
