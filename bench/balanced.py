@@ -29,9 +29,12 @@ from drape import Unit
 from tradeoff import FRAME, Walk
 
 from garment_sim_ros.colliders.fitting import fit_colliders
+from garment_sim_ros.garment.garment import Garment
+from garment_sim_ros.garment.generators import tshirt
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.geometry.contact_distance import shape_distance
 from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import ColliderOptions, RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.simulation import Simulation
@@ -85,6 +88,16 @@ def chosen(text: str) -> tuple[str, Any, float]:
     return solver, settings, FRAME
 
 
+def worn(walk: Walk, colliders: ColliderSet, options: Any) -> list[Garment]:
+    """The outfit's garments; a T-shirt of another ease where one is asked for."""
+    garments = list(load_outfit(options.outfit, walk.body, colliders=colliders).garments)
+    for k, garment in enumerate(garments):
+        if options.ease is not None and garment.name == "tshirt":
+            cut = tshirt(walk.body, colliders=colliders, ease=options.ease)
+            garments[k] = dataclasses.replace(cut, material=garment.material, layer=garment.layer)
+    return garments
+
+
 def run(walk: Walk, setting: str, options: Any, folder: str) -> dict[str, float]:
     """Walks once, stands, and gives the figures."""
     solver, settings, step = chosen(setting)
@@ -96,7 +109,7 @@ def run(walk: Walk, setting: str, options: Any, folder: str) -> dict[str, float]
     }
     garments = [
         dataclasses.replace(g, material=dataclasses.replace(g.material, **stiff))
-        for g in load_outfit(options.outfit, walk.body, colliders=colliders).garments
+        for g in worn(walk, colliders, options)
     ]
     path = walk.poses(colliders)
     simulation = Simulation(
@@ -145,8 +158,9 @@ def main() -> None:
     parser.add_argument("--outfit", default="tshirt_short_skirt")
     parser.add_argument("--stretch", type=float, default=2000.0, help="stiffness [N/m]")
     parser.add_argument("--shear", type=float, default=500.0, help="stiffness [N/m]")
+    parser.add_argument("--ease", type=float, help="of the T-shirt [m]; default: the generator's")
     parser.add_argument("--seconds", type=float, default=3.0, help="of the walk")
-    parser.add_argument("--stand", type=float, default=5.0, help="then stands still so long [s]")
+    parser.add_argument("--stand", type=float, default=10.0, help="then stands still so long [s]")
     parser.add_argument("--json", action="store_true", help="print one JSON object only")
     options = parser.parse_args()
     walk = Walk("mannequin", "walk", options.seconds)

@@ -106,6 +106,17 @@ def test_any_resolution(name, count):
     assert length.max() < 2.2 * np.median(length)
 
 
+def test_a_shirt_s_ease_is_its_distance_from_the_trunk():
+    wearer = body()
+    low = Measures(wearer).shoulders - 0.15
+    found = []
+    for ease in (0.01, 0.04):
+        shirt = tshirt(wearer, vertices=800, ease=ease)
+        trunk = (shirt.vertices[:, 2] < low) & (np.abs(shirt.vertices[:, 1]) < 0.12)
+        found.append(np.median(gaps(shirt, wearer)[trunk]))
+    assert found[1] - found[0] == pytest.approx(0.03, abs=0.005)
+
+
 @pytest.mark.parametrize("name", MAKERS)
 def test_pins(name):
     garment = made(name)
