@@ -247,6 +247,7 @@ def fits(data: Path) -> dict[str, Any]:
             figures: dict[str, Any] = dict(
                 fatness(colliders, poses, body.skin.vertices, body.skin.triangles)
             )
+            del figures["shapes"]
             used = np.unique(body.skin.triangles)
             distance = Union(colliders, poses).distance(body.skin.vertices[used])
             figures["skin_outside"] = int((distance > 1e-6).sum())

@@ -43,6 +43,7 @@ from garment_sim_ros.tradeoff.render import Camera, Surface, render
 EXAMPLE = "garment-sim fit avatar.glb --out colliders.json --preview colliders.png"
 
 _FRONT, _SIDE, _BACK = (2.5, 0.8, 0.2), (0.3, 2.6, 0.2), (-2.5, 0.8, 0.2)
+_WIDTH, _HEIGHT = 480, 760  # of one view [pixels]
 
 _CLIP_POSES = 30
 
@@ -103,7 +104,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     colliders, told = _fit(body, args)
     for note in body.notes:
         print(f"assumed: {note}")
-    report = {**fit_report(body, colliders), "assumed": list(body.notes), **told}
+    report = {**fit_report(body, colliders), "assumed": list(body.notes)}
+    for name, figures in told.pop("shapes", {}).items():
+        report["shapes"][name] = {**figures, **report["shapes"].get(name, {})}
+    report |= told
     if args.clip:
         report["motion"] = _over_clip(body, colliders, args.clip)
     with staged(args.out.parent) as stage:
@@ -215,13 +219,14 @@ def _views(
     """Figures side by side, each seen from its own direction."""
     x = np.concatenate([surface.vertices for surface in figures[-1]])
     target = 0.5 * (x.min(axis=0) + x.max(axis=0))
-    size = float(np.ptp(x, axis=0).max())
+    *across, up = np.ptp(x, axis=0)
+    size = float(max(up, max(across) * _HEIGHT / _WIDTH))  # arms stretched out fit, too
     pictures = [
         render(
             surfaces,
             Camera(position=target + size * np.asarray(direction), target=target),
-            480,
-            760,
+            _WIDTH,
+            _HEIGHT,
             floor=float(x[:, 2].min()),
         )
         for surfaces, direction in zip(figures, directions)

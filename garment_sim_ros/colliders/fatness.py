@@ -3,6 +3,8 @@
 Needs no bind pose: any pose of the skin with the colliders' poses that go with it.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,7 @@ from garment_sim_ros.geometry.transforms import transform_from, transform_points
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
+IntArray = NDArray[np.int_]
 
 _SAMPLES = 20000
 """Points on all surfaces together."""
@@ -60,8 +63,12 @@ class Union:
         _union_distance(self._shapes, self._posed, single, but, np.float32(_REACH), result)
         return result
 
-    def samples(self) -> FloatArray:
-        """Points spread evenly over the union's surface [m], shape [n, 3]."""
+    def samples(self) -> tuple[FloatArray, IntArray]:
+        """Points spread evenly over the union's surface.
+
+        Returns:
+            Positions [m], shape [n, 3], and the collider that each is on, shape [n].
+        """
         T_world_collider = transform_from(self._poses.position, self._poses.orientation)
         meshes = []
         for index in self._shapes.collider:
@@ -70,13 +77,14 @@ class Union:
         areas = [_areas(mesh) for mesh in meshes]
         density = _SAMPLES / sum(area.sum() for area in areas)
         rng = np.random.default_rng(0)
-        kept = []
+        kept, on = [], []
         for k, (mesh, area) in enumerate(zip(meshes, areas)):
             count = max(int(density * area.sum()), 1)
             chosen = rng.choice(len(area), count, p=area / area.sum())
             points = np.einsum("nc,nck->nk", rng.dirichlet(np.ones(3), count), mesh[chosen])
             kept.append(points[self.distance(points, but=k) > -_INSIDE])
-        return np.concatenate(kept)
+            on.append(np.full(len(kept[-1]), self._shapes.collider[k]))
+        return np.concatenate(kept), np.concatenate(on)
 
     def volume(self, low: FloatArray, high: FloatArray) -> float:
         """Volume of the union within a box, by counting cells [m^3]."""
@@ -91,7 +99,7 @@ class Union:
 
 def fatness(
     colliders: ColliderSet, poses: ColliderPoses, skin: FloatArray, triangles: NDArray[np.int32]
-) -> dict[str, float]:
+) -> dict[str, Any]:
     """How far colliders stand off a skin.
 
     Args:
@@ -102,12 +110,14 @@ def fatness(
 
     Returns:
         ``collider_to_skin_mm_mean``, ``_p95`` and ``_max`` over the union's surface, positive
-        outside the skin; ``volume_excess``, the union's volume over the skin's, less one.
+        outside the skin; ``volume_excess``, the union's volume over the skin's, less one; under
+        ``shapes`` the ``to_skin_mm_mean`` and ``_max`` of each that the union's surface shows.
     """
     if any(c.kind == "mesh" for c in colliders.colliders):  # the skin itself
-        return dict.fromkeys(_FIGURES, 0.0)
+        return {**dict.fromkeys(_FIGURES, 0.0), "shapes": {}}
     union = Union(colliders, poses)
-    distance = 1e3 * MeshDistance(skin, triangles).signed_distance(union.samples())[0]
+    points, on = union.samples()
+    distance = 1e3 * MeshDistance(skin, triangles).signed_distance(points)[0]
     a, b, c = (skin - skin.mean(axis=0))[triangles].transpose(1, 0, 2)
     volume = abs(float(np.einsum("tk,tk->", a, np.cross(b, c)))) / 6.0
     union_volume = union.volume(skin.min(axis=0) - 0.1, skin.max(axis=0) + 0.1)
@@ -116,6 +126,13 @@ def fatness(
         "collider_to_skin_mm_p95": round(float(np.percentile(distance, 95.0)), 3),
         "collider_to_skin_mm_max": round(float(distance.max()), 3),
         "volume_excess": round(union_volume / max(volume, 1e-12) - 1.0, 4),
+        "shapes": {
+            colliders.colliders[k].name: {
+                "to_skin_mm_mean": round(float(distance[on == k].mean()), 3),
+                "to_skin_mm_max": round(float(distance[on == k].max()), 3),
+            }
+            for k in np.unique(on)
+        },
     }
 
 

@@ -36,7 +36,7 @@ def fit_report(body: Body, colliders: ColliderSet) -> dict[str, Any]:
         ``colliders`` (count by kind), ``outside_share`` (of the skin's area), ``outside_mm_p99``
         and ``outside_mm_max`` (how far skin sticks out), ``inside_mm_median``,
         ``inside_mm_p95`` and ``inside_mm_max`` (how far colliders reach over the skin), and for
-        the whole body how fat they are (see `fatness`).
+        the whole body and each of the ``shapes`` how fat they are (see `fatness`).
     """
     distance = skin_distance(body, colliders)
     area = vertex_areas(body.skin)

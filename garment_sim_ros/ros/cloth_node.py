@@ -77,7 +77,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         with reporting(self.get_logger().info, "compile, or load what is compiled"):
             warm_up(
                 p.solver,
-                kind=file.colliders.method.removesuffix("s"),
+                kinds={file.colliders.method.removesuffix("s")},
                 layers=len({entry.layer for entry in file.garments}) > 1,
                 self_collision=any(entry.self_collision for entry in file.garments),
                 environment=self._environment.values,

@@ -9,6 +9,7 @@ from garment_sim_ros.errors import GarmentSimError, MessageError
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.warm_up import warm_up
 
 DESCRIPTION = "collider_description"
 
@@ -49,6 +50,7 @@ class Dresser:
         self._frame_id = frame_id
         self._solver = solver
         self._solver_step = solver_step
+        self._compiled: set[frozenset[str]] = set()
         self._thread: threading.Thread | None = None
         self._made: Dressed | MessageError | None = None
         self._waiting: str | None = None
@@ -113,6 +115,11 @@ class Dresser:
             )
         except GarmentSimError as error:
             raise MessageError(DESCRIPTION, str(error)) from error
+        # Kinds of colliders that the outfit did not tell of are compiled here and not in a frame.
+        kinds = frozenset(c.kind for c in colliders.colliders) - {"frame"}
+        if kinds not in self._compiled:
+            warm_up(self._solver, kinds=kinds, layers=any(g.layer for g in outfit.garments))
+            self._compiled.add(kinds)
         return Dressed(
             revision=colliders.revision,
             simulation=simulation,

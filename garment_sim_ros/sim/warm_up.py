@@ -1,5 +1,6 @@
 """Compiling before the first step instead of in it."""
 
+from collections.abc import Collection
 from types import SimpleNamespace
 from typing import Any
 
@@ -32,7 +33,7 @@ _GEOMETRY: dict[str, dict[str, object]] = {
 def warm_up(
     solver: str = "relaxation",
     *,
-    kind: str = "sphere",
+    kinds: Collection[str] = ("sphere",),
     layers: bool = False,
     self_collision: bool = False,
     environment: Environment | None = None,
@@ -41,7 +42,7 @@ def warm_up(
 
     Args:
         solver: Its name.
-        kind: Kind of the colliders; the code of hulls, sdfs and ellipsoids is only compiled for
+        kinds: Kinds of the colliders; the code of hulls, sdfs and ellipsoids is only compiled for
             sets that have some.
         layers: Whether garments are worn over others.
         self_collision: Whether garments are kept from passing through themselves.
@@ -70,15 +71,18 @@ def warm_up(
         layer=0,
     )
     frame = Collider(name="frame", kind="frame", bone="bone")
-    shape = Collider(name="shape", kind=kind, bone="bone", geometry=_GEOMETRY[kind])
+    shapes = (
+        Collider(name=kind, kind=kind, bone="bone", geometry=_GEOMETRY[kind])
+        for kind in sorted(kinds)
+    )
     over: Any = SimpleNamespace(**{**vars(scrap), "name": "over", "layer": int(layers)})
     simulation = Simulation(
         (scrap, over),
-        ColliderSet(colliders=(frame, shape)),
+        ColliderSet(colliders=(frame, *shapes)),
         environment=environment,
         solver=solver,
     )
-    poses = ColliderPoses.identity(2)
+    poses = ColliderPoses.identity(1 + len(kinds))
     simulation.reset(poses)
     far = ColliderPoses(position=poses.position + 2.0, orientation=poses.orientation)
     simulation.advance(far, far)

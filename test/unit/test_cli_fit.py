@@ -41,7 +41,10 @@ def test_hulls_leave_no_skin_outside_and_are_reported_one_by_one(tmp_path, capsy
     summary = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert summary["outside_share"] == 0.0
     assert 0.0 < summary["volume_excess"] < 0.5
+    assert "shapes" not in summary
     report = json.loads((tmp_path / "h.report.json").read_text())
+    furthest = max(s.get("to_skin_mm_max", 0.0) for s in report["shapes"].values())
+    assert furthest == report["collider_to_skin_mm_max"]
     colliders = load_colliders(out)
     hulls = [c for c in colliders.colliders if c.kind == "hull"]
     assert len(hulls) == sum(s["kind"] == "hull" for s in report["shapes"].values()) > 14
@@ -49,6 +52,8 @@ def test_hulls_leave_no_skin_outside_and_are_reported_one_by_one(tmp_path, capsy
         told = report["shapes"][hull.name]
         assert told["faces"] == len(hull.geometry["faces"]) <= 90
         assert told["outside"] == 0
+        if "to_skin_mm_max" in told:  # not within others altogether
+            assert told["to_skin_mm_mean"] < told["to_skin_mm_max"]
         assert told["map"]["mean"] < told["map"]["longest"] < told["faces"]
     assert np.asarray(Image.open(picture)).std() > 10.0
 

@@ -36,7 +36,10 @@ def test_distance_is_the_least_of_all_shapes():
 def test_samples_are_on_the_union_and_volume_is_counted_once():
     colliders, poses = two_balls(0.1, 0.15)
     union = Union(colliders, poses)
-    assert np.abs(union.distance(union.samples())).max() < 2e-3
+    points, on = union.samples()
+    assert np.abs(union.distance(points)).max() < 2e-3
+    centre = np.array([[0.0, 0, 0], [np.nan, 0, 0], [0.15, 0, 0]])[on]  # 1 is a frame
+    np.testing.assert_allclose(np.linalg.norm(points - centre, axis=1), 0.1, atol=2e-3)
     cap = np.pi * 0.025**2 * (3 * 0.1 - 0.025) / 3
     volume = 2 * (4 / 3 * np.pi * 0.1**3 - cap)
     counted = union.volume(np.array([-0.2, -0.2, -0.2]), np.array([0.4, 0.2, 0.2]))
@@ -49,3 +52,7 @@ def test_a_ball_around_a_ball_is_fat_by_the_gap():
     figures = fatness(colliders, poses, skin.vertices, skin.faces.astype(np.int32))
     assert figures["collider_to_skin_mm_mean"] == pytest.approx(20.0, abs=1.0)
     assert figures["volume_excess"] == pytest.approx(1.2**3 - 1.0, rel=0.03)
+    # Both are the same ball: neither is inside the other.
+    for shape in figures["shapes"].values():
+        assert shape["to_skin_mm_mean"] == pytest.approx(20.0, abs=1.0)
+        assert 20.0 < shape["to_skin_mm_max"] < 21.0
