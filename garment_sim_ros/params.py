@@ -97,12 +97,8 @@ class Environment:
     gust_change: float = parameter(
         0.5, "Rate at which the noise changes by itself.", unit="1/s", minimum=0.0, maximum=100.0
     )
-    gust_waves: int = parameter(
-        24, "Plane waves that the noise is made of.", minimum=1, maximum=512
-    )
-    gust_divergence_free: bool = parameter(
-        True, "Noise in which air neither appears nor vanishes."
-    )
+    gust_waves: int = parameter(24, "Plane waves that make up the noise.", minimum=1, maximum=512)
+    gust_divergence_free: bool = parameter(True, "Noise in which no air appears or vanishes.")
     gust_seed: int = parameter(
         1, "The same seed gives the same noise.", minimum=0, maximum=2**31 - 1
     )
@@ -128,7 +124,12 @@ class _ContactPoints:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class RelaxationSettings(_ContactPoints):
+class _Sweeps(_ContactPoints):
+    threads: int = parameter(1, "Threads that share big garments' sweeps.", minimum=1, maximum=8)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RelaxationSettings(_Sweeps):
     """Numerical parameters of the `relaxation` solver."""
 
     sweeps: int = parameter(3, "Sweeps of spring correction per step.", minimum=1, maximum=1000)
@@ -363,7 +364,7 @@ class ClothNodeParameters:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class XpbdSettings(_ContactPoints):
+class XpbdSettings(_Sweeps):
     """Numerical parameters of the `xpbd` solver."""
 
     sub_step: float = parameter(

@@ -81,6 +81,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
                 layers=len({entry.layer for entry in file.garments}) > 1,
                 self_collision=any(entry.self_collision for entry in file.garments),
                 environment=self._environment.values,
+                threads=getattr(self._settings.values, "threads", 1),
             )
             garment_publishers.warm_up()
         # Last: by now `collider_node` may have left it in the cache.

@@ -1,14 +1,17 @@
 """Compiling before the first step instead of in it."""
 
+import math
 from collections.abc import Collection
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from garment_sim_ros.geometry.locality import SPLIT_FROM
 from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.params import Environment, Material
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.solvers import SOLVERS
 
 _CORNERS = 0.1 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 _FACES = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
@@ -37,6 +40,7 @@ def warm_up(
     layers: bool = False,
     self_collision: bool = False,
     environment: Environment | None = None,
+    threads: int = 1,
 ) -> None:
     """Compiles, or loads from the cache, all that a `Simulation` with this solver runs.
 
@@ -47,28 +51,17 @@ def warm_up(
         layers: Whether garments are worn over others.
         self_collision: Whether garments are kept from passing through themselves.
         environment: Outer forces: wind on triangles is compiled where there is any.
+        threads: Threads that share sweeps; the code of several is only compiled for more than one.
 
     Raises:
         ParameterError: An environment that cannot be.
     """
-    scrap: Any = SimpleNamespace(
-        name="scrap",
-        vertices=np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.1, 0.0], [0.0, 0.1, 0.0]]),
-        triangles=np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
-        material=Material(),
-        frames=("bone",),
-        T_world_frame_rest=np.eye(4)[None],
-        frame_index=np.zeros((4, 1), np.int32),
-        frame_weight=np.ones((4, 1)),
-        pins=np.zeros(1, np.int32),
-        pin_frame=np.zeros(1, np.int32),
-        passed_by=(),
+    scrap: Any = _sheet(
+        2,
         max_distance=np.full(4, 1.0),
         backstop=np.full(4, 1.0),
         tethers=1.0,
-        soft=None,
         self_collision=0.002 if self_collision else None,
-        layer=0,
     )
     frame = Collider(name="frame", kind="frame", bone="bone")
     shapes = (
@@ -76,9 +69,10 @@ def warm_up(
         for kind in sorted(kinds)
     )
     over: Any = SimpleNamespace(**{**vars(scrap), "name": "over", "layer": int(layers)})
+    colliders = ColliderSet(colliders=(frame, *shapes))
     simulation = Simulation(
         (scrap, over),
-        ColliderSet(colliders=(frame, *shapes)),
+        colliders,
         environment=environment,
         solver=solver,
     )
@@ -87,3 +81,34 @@ def warm_up(
     far = ColliderPoses(position=poses.position + 2.0, orientation=poses.orientation)
     simulation.advance(far, far)
     simulation.normals("scrap")
+    if threads > 1:
+        settings = SOLVERS[solver].settings(threads=threads)
+        large: Any = _sheet(math.isqrt(SPLIT_FROM) + 2)
+        shared = Simulation((large,), colliders, solver=solver, settings=settings)
+        shared.advance(poses, poses)
+
+
+def _sheet(side: int, **asked: object) -> SimpleNamespace:
+    """A square garment with so many vertices along a side, and what it asks for."""
+    u = 0.1 * np.arange(side)
+    vertices = np.stack([*np.meshgrid(u, u, indexing="ij"), np.zeros((side, side))], axis=-1)
+    index = np.arange(side * side, dtype=np.int32).reshape(side, side)
+    a, b, c, d = (
+        q.ravel() for q in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:])
+    )
+    nothing = dict.fromkeys(("max_distance", "backstop", "tethers", "soft", "self_collision"))
+    plain = {
+        "name": "scrap",
+        "vertices": vertices.reshape(-1, 3),
+        "triangles": np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]),
+        "material": Material(),
+        "frames": ("bone",),
+        "T_world_frame_rest": np.eye(4)[None],
+        "frame_index": np.zeros((side * side, 1), np.int32),
+        "frame_weight": np.ones((side * side, 1)),
+        "pins": np.zeros(1, np.int32),
+        "pin_frame": np.zeros(1, np.int32),
+        "passed_by": (),
+        "layer": 0,
+    }
+    return SimpleNamespace(**{**plain, **nothing, **asked})

@@ -20,7 +20,7 @@ def _excess(rest, squared):
     return np.float32(1.0) - rest / np.sqrt(squared)
 
 
-@kernel()
+@kernel(forceinline=True)
 def correct_springs(x, particles, rest_length, share, sweeps):
     """Moves the ends of each spring to its rest length, in order, `sweeps` times.
 

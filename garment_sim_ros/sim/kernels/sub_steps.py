@@ -10,6 +10,11 @@ from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.sim.kernels.attached import pull_attached
 from garment_sim_ros.sim.kernels.bending import bend
 from garment_sim_ros.sim.kernels.edges import solve_edges, solve_edges_apart
+from garment_sim_ros.sim.kernels.in_parts import (
+    bend_in_parts,
+    solve_edges_apart_in_parts,
+    solve_edges_in_parts,
+)
 from garment_sim_ros.sim.kernels.motion import carry_pins
 from garment_sim_ros.sim.kernels.planes import remember_planes, stop_at_contacts, touch_planes
 from garment_sim_ros.sim.sample_points import meet_between
@@ -73,6 +78,7 @@ def run_sub_steps(
     x_start,
     x_predicted,
     cloth,
+    parts,
     attached,
     pin_collider,
     pin_position,
@@ -111,6 +117,7 @@ def run_sub_steps(
         x_start: Scratch, shape [n, 3].
         x_predicted: Scratch, shape [n, 3].
         cloth: `solvers.xpbd.Prepared` edges and hinges.
+        parts: `solvers.xpbd.Parts` of them for several threads; None for one thread.
         attached: `attached.Attached`.
         pin_collider: Collider that each pin rides on, shape [p].
         pin_position: Its place in that collider's frame [m], shape [p, 3].
@@ -186,9 +193,18 @@ def run_sub_steps(
             # Bending acts evenly over the sub-steps until its next pass: in one kick it would make
             # the cloth quiver against its edges.
             x_predicted[:] = v
-            bend(
-                x, x_predicted, cloth.hinge_particles, cloth.hinges, dt * np.float32(bending_every)
-            )
+            between_bends = dt * np.float32(bending_every)
+            if parts is None:
+                bend(x, x_predicted, cloth.hinge_particles, cloth.hinges, between_bends)
+            else:
+                bend_in_parts(
+                    x,
+                    x_predicted,
+                    cloth.hinge_particles,
+                    cloth.hinges,
+                    between_bends,
+                    parts.hinges,
+                )
             share_out(
                 x_predicted.reshape(-1)[:loose],
                 v.reshape(-1)[:loose],
@@ -211,7 +227,10 @@ def run_sub_steps(
             x[free:], v[free:], pin_collider, pin_position, to_position, to_orientation, origin, dt
         )
         if hurried:
-            solve_edges(flat, cloth.edge_particles, cloth.edges)
+            if parts is None:
+                solve_edges(flat, cloth.edge_particles, cloth.edges)
+            else:
+                solve_edges_in_parts(flat, cloth.edge_particles, cloth.edges, parts.edges)
             gain(
                 flat[:loose],
                 v.reshape(-1)[:loose],
@@ -223,9 +242,14 @@ def run_sub_steps(
             moved[:] = np.float32(0.0)
             cloth.pull[:] = np.float32(0.0)
             for _ in range(iterations):
-                solve_edges_apart(
-                    flat, moved, cloth.edge_particles, cloth.edges, cloth.pull, iterations == 1
-                )
+                alone = iterations == 1
+                edges, pulls = cloth.edges, cloth.pull
+                if parts is None:
+                    solve_edges_apart(flat, moved, cloth.edge_particles, edges, pulls, alone)
+                else:
+                    solve_edges_apart_in_parts(
+                        flat, moved, cloth.edge_particles, edges, pulls, alone, parts.edges
+                    )
             gain_apart(flat[:loose], v.reshape(-1)[:loose], moved[:loose], np.float32(1.0) / dt)
         pull_attached(
             x,

@@ -8,7 +8,9 @@ import numpy as np
 
 from garment_sim_ros.geometry.contact import collide
 from garment_sim_ros.geometry.contact_sweep import sweep
+from garment_sim_ros.geometry.jit import use_threads
 from garment_sim_ros.sim.earliest_contact import EarliestContact
+from garment_sim_ros.sim.kernels.in_parts import correct_springs_in_parts
 from garment_sim_ros.sim.kernels.layers import measure_motion
 from garment_sim_ros.sim.kernels.motion import carry_pins, predict, update_velocities
 from garment_sim_ros.sim.kernels.springs import correct_springs
@@ -65,14 +67,13 @@ def step(
         h,
     )
 
-    springs = model.springs
-    correct_springs(
-        state.x.reshape(-1),
-        springs.particles,
-        springs.rest_length,
-        springs.share,
-        params.settings.sweeps,
-    )
+    springs, settings = model.springs, params.settings
+    arrays = (state.x.reshape(-1), springs.particles, springs.rest_length, springs.share)
+    if settings.threads > 1 and model.parts > 1:
+        use_threads(settings.threads)
+        correct_springs_in_parts(*arrays, springs.part_start, settings.sweeps)
+    else:
+        correct_springs(*arrays, settings.sweeps)
     if workspace.attached.is_anything:
         workspace.attached.pull(
             *(state.x, state.v, workspace.x_start, colliders.end, colliders.origin),

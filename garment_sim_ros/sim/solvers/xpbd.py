@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.geometry.contact_shapes import PosedShapes
+from garment_sim_ros.geometry.jit import use_threads
+from garment_sim_ros.geometry.locality import order_by_part, part_starts
 from garment_sim_ros.geometry.shapes import ColliderPoses
 from garment_sim_ros.params import XpbdSettings
 from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
@@ -53,6 +55,18 @@ class Prepared(NamedTuple):
     hinges: SingleArray
 
 
+class Parts(NamedTuple):
+    """Where `Prepared` edges and hinges of each part of a large garment start.
+
+    Attributes:
+        edges: Those within each part, then those between parts, shape [parts + 2].
+        hinges: The same.
+    """
+
+    edges: IntArray
+    hinges: IntArray
+
+
 @dataclass(kw_only=True)
 class XpbdWorkspace(Workspace):
     """Scratch arrays, and what the material makes of the mesh.
@@ -64,6 +78,7 @@ class XpbdWorkspace(Workspace):
         hinge_weight: Weights of the hinges' curvature, shape [h, 4].
         hinge_stiffness: Their stiffnesses [N/m], shape [h].
         prepared: What the sub-steps need, for one length of them.
+        parts: What of it threads can share.
         prepared_for: That length [s], the rate of damping [1/s] and the sub-steps for each pass
             over the hinges.
         place: Points of the planes in which particles touch shapes [m], shape [free, 3].
@@ -81,6 +96,7 @@ class XpbdWorkspace(Workspace):
     hinge_weight: FloatArray
     hinge_stiffness: FloatArray
     prepared: Prepared
+    parts: Parts
     prepared_for: tuple[float, float, int]
     place: SingleArray
     ride: SingleArray
@@ -98,10 +114,17 @@ class XpbdWorkspace(Workspace):
         springs = model.springs
         edges = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
         edges = edges[inward_order(edges, triangles, model.free_count)]
+        parts = part_starts(model.free_count)
+        by_part, edge_start = order_by_part(edges, parts)
+        edges = edges[by_part]
         rest, weight = model.rest, model.inverse_mass
         bending = hinges(rest, triangles, model.material)
-        used = (weight[bending.particles].sum(axis=1) > 0.0) & (bending.stiffness > 0.0)
-        m, h = len(edges), int(used.sum())
+        used = np.flatnonzero(
+            (weight[bending.particles].sum(axis=1) > 0.0) & (bending.stiffness > 0.0)
+        )
+        by_part, hinge_start = order_by_part(bending.particles[used], parts)
+        used = used[by_part]
+        m, h = len(edges), len(used)
         rest_squared = ((rest[edges[:, 0]] - rest[edges[:, 1]]) ** 2).sum(axis=1)
         return cls(
             **vars(Workspace.room_for(model, shapes)),
@@ -117,6 +140,7 @@ class XpbdWorkspace(Workspace):
                 hinge_particles=np.ascontiguousarray(bending.particles[used]),
                 hinges=np.zeros((h, 8), np.float32),
             ),
+            parts=Parts(edges=edge_start, hinges=hinge_start),
             prepared_for=(0.0, 0.0, 0),
             place=np.zeros((model.free_count, 3), np.float32),
             ride=np.zeros((model.free_count, 3), np.float32),
@@ -200,6 +224,10 @@ def step(
     for k in range(3):
         pull = environment.gravity[k] + drag * environment.wind[k]
         workspace.push[k] = keep * h * pull
+    parts = None
+    if settings.threads > 1 and model.parts > 1:
+        use_threads(settings.threads)
+        parts = workspace.parts
     workspace.contact_count = run_sub_steps(
         state.x,
         state.v,
@@ -207,6 +235,7 @@ def step(
         workspace.x_start,
         workspace.x_predicted,
         workspace.prepared,
+        parts,
         workspace.attached,
         model.pin_collider,
         model.pin_position,
