@@ -25,7 +25,7 @@ $(STAMP): setup.py
 	@touch $@
 
 test: lint ## Format, lint, types, layers and the tests under a minute each
-	$(PY) -m pytest
+	$(PY) -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
 
 lint: $(STAMP)
 	$(PY) -m ruff format --check .

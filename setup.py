@@ -26,7 +26,7 @@ ROS = [
     "ros-rclpy[fastrtps]==7.1.6",
     "ros-jazzy-common-interfaces",
 ]
-TEST = ["hypothesis>=6.98", "networkx>=2.8", "psutil>=5.9", "pytest>=8"]
+TEST = ["hypothesis>=6.98", "networkx>=2.8", "psutil>=5.9", "pytest>=8", "pytest-xdist>=3.5"]
 CHECK = ["import-linter~=2.16", "mypy~=2.4.0", "ruff~=0.17.0"]  # their rules change with versions
 
 setup(

@@ -130,7 +130,10 @@ def nearest_under(shapes, posed, side, x, reach, nearest):
                 nearest[p] = min(nearest[p], d)
 
 
-@pytest.mark.parametrize("kinds", ["all", "ellipsoid", "sdf"])
+@pytest.mark.parametrize(
+    "kinds",
+    ["all", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("ellipsoid", "sdf"))],
+)
 @given(st.integers(0, 10**6))
 @settings(derandomize=True, deadline=None, max_examples=30)
 def test_no_contact_goes_unnoticed(kinds, seed):

@@ -89,7 +89,7 @@ def naive_earliest(start, end, p0, p1):
     return -1, 1.0
 
 
-@settings(derandomize=True, deadline=None, max_examples=6)
+@settings(derandomize=True, deadline=None, max_examples=3)
 @given(seeds)
 def test_plain_twin(seed):
     start, end, p0, p1 = random_scene(seed, 4)

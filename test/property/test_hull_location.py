@@ -12,7 +12,7 @@ from garment_sim_ros.geometry.hull_location import HullLocator
 from garment_sim_ros.geometry.obb import oriented_box
 from garment_sim_ros.geometry.outer_map import outer_map
 
-CHECKED = settings(derandomize=True, deadline=None, max_examples=25)
+CHECKED = settings(derandomize=True, deadline=None, max_examples=15)
 
 
 def boxed_hull(seed, count, shape):

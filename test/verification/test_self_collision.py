@@ -70,7 +70,8 @@ def advance(simulation, steps):
         simulation.advance(still, still, STEP)
 
 
-@pytest.mark.parametrize("solver", ["relaxation", pytest.param("xpbd", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", ["relaxation", "xpbd"])
 def test_a_sheet_thrown_on_itself_at_5_m_s_stays_apart_and_comes_to_rest(cloth, solver):
     simulation, x, upper = folded(cloth, DISTANCE, FLOOR, solver=solver)
     v = np.zeros_like(x)
