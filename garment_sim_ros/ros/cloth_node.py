@@ -3,6 +3,7 @@
 import math
 import sys
 import time
+from functools import partial
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -74,21 +75,29 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             raise ParameterError("body", "found nothing", "allowed: the wearer's file")
         outfit = p.outfit or DEFAULT_OUTFIT
         file = read_outfit(outfit)
+        compiled = partial(
+            warm_up,
+            p.solver,
+            self_collision=any(entry.self_collision for entry in file.garments),
+            environment=self._environment.values,
+            threads=getattr(self._settings.values, "threads", 1),
+        )
         with reporting(self.get_logger().info, "compile, or load what is compiled"):
-            warm_up(
-                p.solver,
+            compiled(
                 kinds={file.colliders.method.removesuffix("s")},
                 layers=len({entry.layer for entry in file.garments}) > 1,
-                self_collision=any(entry.self_collision for entry in file.garments),
-                environment=self._environment.values,
-                threads=getattr(self._settings.values, "threads", 1),
             )
             garment_publishers.warm_up()
         # Last: by now `collider_node` may have left it in the cache.
         with reporting(self.get_logger().info, f"load the body {p.body}"):
             body = load_body(p.body)
         self._dresser = Dresser(
-            outfit, body, frame_id=p.frame_id, solver=p.solver, solver_step=p.solver_step
+            outfit,
+            body,
+            frame_id=p.frame_id,
+            solver=p.solver,
+            solver_step=p.solver_step,
+            warm_up=compiled,
         )
         self._steps_on_poses = p.step_on == "poses"
         self._quality = self.advertise(QUALITY)

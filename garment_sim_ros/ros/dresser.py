@@ -1,6 +1,7 @@
 """Making an outfit's simulation for a collider description, beside the node's own thread."""
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from garment_sim_ros.body.skin import Body
@@ -9,7 +10,6 @@ from garment_sim_ros.errors import GarmentSimError, MessageError
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.warm_up import warm_up
 
 DESCRIPTION = "collider_description"
 
@@ -40,16 +40,25 @@ class Dresser:
         frame_id: Frame that descriptions must be in.
         solver: Name of the solver.
         solver_step: Its step [s].
+        warm_up: `sim.warm_up.warm_up` with all that does not depend on colliders and garments.
     """
 
     def __init__(
-        self, outfit: str, body: Body, *, frame_id: str, solver: str, solver_step: float
+        self,
+        outfit: str,
+        body: Body,
+        *,
+        frame_id: str,
+        solver: str,
+        solver_step: float,
+        warm_up: Callable[..., None],
     ) -> None:
         self._outfit = outfit
         self._body = body
         self._frame_id = frame_id
         self._solver = solver
         self._solver_step = solver_step
+        self._warm_up = warm_up
         self._compiled: set[frozenset[str]] = set()
         self._thread: threading.Thread | None = None
         self._made: Dressed | MessageError | None = None
@@ -118,7 +127,7 @@ class Dresser:
         # Kinds of colliders that the outfit did not tell of are compiled here and not in a frame.
         kinds = frozenset(c.kind for c in colliders.colliders) - {"frame"}
         if kinds not in self._compiled:
-            warm_up(self._solver, kinds=kinds, layers=any(g.layer for g in outfit.garments))
+            self._warm_up(kinds=kinds, layers=any(g.layer for g in outfit.garments))
             self._compiled.add(kinds)
         return Dressed(
             revision=colliders.revision,
