@@ -4,6 +4,9 @@ import numpy as np
 
 from garment_sim_ros.geometry.jit import kernel
 
+_STIFFEST = np.float32(4.0**6)
+"""How much stiffer contact with fast shapes becomes at most."""
+
 
 @kernel()
 def on_the_cone(ux, uy, uz, nx, ny, nz, gap, friction):
@@ -22,7 +25,7 @@ def on_the_cone(ux, uy, uz, nx, ny, nz, gap, friction):
 
 
 @kernel()
-def take_hold(x, x_start, x_clear, contacts, carry, lift, grip, hold):
+def take_hold(x, x_start, x_clear, contacts, carry, lift, grip, swift, hold):
     """Planes of contact after a search with `lift` on top of the thickness.
 
     Each lies across the way out that the search found, `lift` below where that ends; a particle
@@ -36,6 +39,7 @@ def take_hold(x, x_start, x_clear, contacts, carry, lift, grip, hold):
         carry: How points move with the shapes in a sub-step, see `PosedShapes`, shape [m, 3, 4].
         lift: How far above a surface contacts are found [m].
         grip: Stiffness of a contact [N/m], shape [free].
+        swift: One over the way of a surface in a sub-step beyond which it is stiffer [1/m].
         hold: `solvers.implicit_workspace.Hold`, changed in place.
     """
     zero = np.float32(0.0)
@@ -46,7 +50,6 @@ def take_hold(x, x_start, x_clear, contacts, carry, lift, grip, hold):
             continue
         if hold.grip[p] == zero:
             hold.lever[p] = zero
-        hold.grip[p] = grip[p]
         dx = x_clear[p, 0] - x[p, 0]
         dy = x_clear[p, 1] - x[p, 1]
         dz = x_clear[p, 2] - x[p, 2]
@@ -59,12 +62,19 @@ def take_hold(x, x_start, x_clear, contacts, carry, lift, grip, hold):
         else:
             hold.normal[p] = contacts.normal[p]
         level = zero if contacts.depth[p] == np.float32(np.inf) else -lift
+        ridden = zero
         sx, sy, sz = x_start[p, 0], x_start[p, 1], x_start[p, 2]
         for k in range(3):
             level += hold.normal[p, k] * x_clear[p, k]
             hold.ride[p, k] = (
                 carry[c, k, 0] * sx + carry[c, k, 1] * sy + carry[c, k, 2] * sz + carry[c, k, 3]
             )
+            ridden += hold.ride[p, k] * hold.ride[p, k]
+        # Few values, so that the matrix seldom changes.
+        stiffer = np.float32(1.0)
+        while stiffer < min(swift * np.sqrt(ridden), _STIFFEST):
+            stiffer *= np.float32(4.0)
+        hold.grip[p] = stiffer * grip[p]
         hold.level[p] = level
 
 

@@ -141,6 +141,7 @@ def find_positions(
     carry,
     friction,
     lift,
+    swift,
     iterations,
 ):
     """From a prediction and the contacts found there to the positions of least energy.
@@ -159,9 +160,10 @@ def find_positions(
         carry: How points move with the shapes in the sub-step, see `PosedShapes`.
         friction: Coulomb coefficient.
         lift: How far above a surface contacts are found [m].
+        swift: See `take_hold` [1/m].
         iterations: Steps towards the least energy.
     """
-    take_hold(x[:free], x_start, x_clear, contacts, carry, lift, cloth.grip, hold)
+    take_hold(x[:free], x_start, x_clear, contacts, carry, lift, cloth.grip, swift, hold)
     update_diagonal(
         cloth.base, cloth.place, cloth.fronts.owner, hold, cloth.diagonal, cloth.changed
     )

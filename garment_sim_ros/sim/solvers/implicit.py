@@ -22,6 +22,7 @@ from garment_sim_ros.geometry.contact_sweep import sweep
 from garment_sim_ros.geometry.shapes import ColliderPoses
 from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.params import ImplicitSettings
+from garment_sim_ros.sim.elasticity import GRAVITY
 from garment_sim_ros.sim.kernels.attached import pull_tethers
 from garment_sim_ros.sim.kernels.implicit_steps import begin_sub_step, find_positions, keep_up
 from garment_sim_ros.sim.kernels.implicit_ties import begin_ties
@@ -33,6 +34,8 @@ from garment_sim_ros.sim.sample_points import meet_between
 from garment_sim_ros.sim.solvers.implicit_workspace import ImplicitWorkspace
 from garment_sim_ros.sim.state import ColliderState, State, Workspace
 
+_SEARCHES = 3
+"""For contacts in a sub-step, at most: another one where a solution took cloth past a shape."""
 _BLEND_TIME = 0.2
 """How long a particle's share of free fall is averaged [s]: less, and cloth at rest creeps."""
 
@@ -44,11 +47,11 @@ def _assign(poses: ColliderPoses, others: ColliderPoses) -> None:
 
 def _stop_the_fast(
     colliders: ColliderState, state: State, workspace: ImplicitWorkspace, thickness: float
-) -> None:
+) -> int:
     """Stops free particles where they would pass through a shape, see `contact_sweep.sweep`."""
     free, before = len(workspace.share), workspace.cloth.clear
     before[:] = state.x
-    if sweep(
+    stopped = sweep(
         colliders.shapes,
         colliders.posed,
         workspace.sides.side,
@@ -56,8 +59,10 @@ def _stop_the_fast(
         state.x[:free],
         workspace.x_start[:free],
         np.float32(thickness),
-    ):
+    )
+    if stopped:
         keep_up(state.x, before, workspace.x_predicted)
+    return int(stopped)
 
 
 def step(
@@ -94,6 +99,9 @@ def step(
     points = workspace.contact_points(model, settings.contact_points)
     thickness = max(material.thickness, colliders.thickness)
     lift = workspace.lift
+    # Who is taken along to a speed u in one sub-step, with 19 others (`_WEIGHTS`), gives
+    # way by the lift at most.
+    swift = np.float32(workspace.sink / (GRAVITY * lift * h * h))
     free, clear = model.free_count, workspace.cloth.clear
     x_start, behind = workspace.x_start, workspace.x_predicted
     keep = 1.0 / (1.0 + h * rate)
@@ -146,48 +154,51 @@ def step(
                 *(state.x, x_start, behind, ties),
                 *(after.position, after.orientation, colliders.origin),
             )
-        clear[:] = state.x
-        collide(
-            colliders.shapes,
-            colliders.posed,
-            workspace.sides,
-            clear[:free],
-            x_start[:free],
-            thickness + lift,
-            0.0,
-            workspace.contacts,
-        )
-        if points is not None:
-            meet_between(
+        for _ in range(_SEARCHES):
+            clear[:] = state.x
+            collide(
                 colliders.shapes,
                 colliders.posed,
-                points,
-                clear,
-                x_start,
-                colliders.posed,
-                x_start,
-                colliders.sweep,
-                np.float32(thickness + lift),
-                np.float32(0.0),
+                workspace.sides,
+                clear[:free],
+                x_start[:free],
+                thickness + lift,
+                0.0,
                 workspace.contacts,
             )
-        find_positions(
-            state.x,
-            free,
-            x_start,
-            behind,
-            clear,
-            ties,
-            workspace.cloth,
-            hold,
-            workspace.past,
-            workspace.contacts,
-            colliders.posed.carry,
-            np.float32(material.friction),
-            np.float32(lift),
-            settings.iterations,
-        )
-        _stop_the_fast(colliders, state, workspace, thickness)
+            if points is not None:
+                meet_between(
+                    colliders.shapes,
+                    colliders.posed,
+                    points,
+                    clear,
+                    x_start,
+                    colliders.posed,
+                    x_start,
+                    colliders.sweep,
+                    np.float32(thickness + lift),
+                    np.float32(0.0),
+                    workspace.contacts,
+                )
+            find_positions(
+                state.x,
+                free,
+                x_start,
+                behind,
+                clear,
+                ties,
+                workspace.cloth,
+                hold,
+                workspace.past,
+                workspace.contacts,
+                colliders.posed.carry,
+                np.float32(material.friction),
+                np.float32(lift),
+                swift,
+                settings.iterations,
+            )
+            if not _stop_the_fast(colliders, state, workspace, thickness):
+                break
         workspace.contact_count = new_velocities(
             state.x[:free],
             state.v[:free],
