@@ -4,6 +4,8 @@ import numpy as np
 
 from garment_sim_ros.geometry.jit import kernel
 
+_GIVE = np.float32(1 / 32)
+"""How far contact with a fast shape may give way, in radii of a ball that fits into that."""
 _STIFFEST = np.float32(4.0**6)
 """How much stiffer contact with fast shapes becomes at most."""
 
@@ -25,7 +27,7 @@ def on_the_cone(ux, uy, uz, nx, ny, nz, gap, friction):
 
 
 @kernel()
-def take_hold(x, x_start, x_clear, contacts, carry, lift, grip, swift, hold):
+def take_hold(x, x_start, x_clear, contacts, carry, inner, lift, grip, swift, hold):
     """Planes of contact after a search with `lift` on top of the thickness.
 
     Each lies across the way out that the search found, `lift` below where that ends; a particle
@@ -37,9 +39,11 @@ def take_hold(x, x_start, x_clear, contacts, carry, lift, grip, swift, hold):
         x_clear: Positions that the search moved to thickness and lift [m], shape [free, 3].
         contacts: What the search found.
         carry: How points move with the shapes in a sub-step, see `PosedShapes`, shape [m, 3, 4].
+        inner: Radius of a ball that fits into each shape [m], shape [m].
         lift: How far above a surface contacts are found [m].
         grip: Stiffness of a contact [N/m], shape [free].
-        swift: One over the way of a surface in a sub-step beyond which it is stiffer [1/m].
+        swift: Contact is stiffer where this times the way of the surface in the sub-step is more
+            than a part of that radius.
         hold: `solvers.implicit_workspace.Hold`, changed in place.
     """
     zero = np.float32(0.0)
@@ -72,7 +76,8 @@ def take_hold(x, x_start, x_clear, contacts, carry, lift, grip, swift, hold):
             ridden += hold.ride[p, k] * hold.ride[p, k]
         # Few values, so that the matrix seldom changes.
         stiffer = np.float32(1.0)
-        while stiffer < min(swift * np.sqrt(ridden), _STIFFEST):
+        give = max(lift, _GIVE * inner[c])
+        while stiffer < min(swift * np.sqrt(ridden) / give, _STIFFEST):
             stiffer *= np.float32(4.0)
         hold.grip[p] = stiffer * grip[p]
         hold.level[p] = level

@@ -139,6 +139,7 @@ def find_positions(
     past,
     contacts,
     carry,
+    inner,
     friction,
     lift,
     swift,
@@ -158,12 +159,13 @@ def find_positions(
         past: `solvers.implicit_workspace.Past`.
         contacts: What the search found.
         carry: How points move with the shapes in the sub-step, see `PosedShapes`.
+        inner: Radius of a ball that fits into each shape [m], shape [m].
         friction: Coulomb coefficient.
         lift: How far above a surface contacts are found [m].
-        swift: See `take_hold` [1/m].
+        swift: See `take_hold`.
         iterations: Steps towards the least energy.
     """
-    take_hold(x[:free], x_start, x_clear, contacts, carry, lift, cloth.grip, swift, hold)
+    take_hold(x[:free], x_start, x_clear, contacts, carry, inner, lift, cloth.grip, swift, hold)
     update_diagonal(
         cloth.base, cloth.place, cloth.fronts.owner, hold, cloth.diagonal, cloth.changed
     )

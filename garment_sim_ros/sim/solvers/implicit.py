@@ -100,8 +100,8 @@ def step(
     thickness = max(material.thickness, colliders.thickness)
     lift = workspace.lift
     # Who is taken along to a speed u in one sub-step, with 19 others (`_WEIGHTS`), gives
-    # way by the lift at most.
-    swift = np.float32(workspace.sink / (GRAVITY * lift * h * h))
+    # way by a small part of the radius of a fast shape at most.
+    swift = np.float32(workspace.sink / (GRAVITY * h * h))
     free, clear = model.free_count, workspace.cloth.clear
     x_start, behind = workspace.x_start, workspace.x_predicted
     keep = 1.0 / (1.0 + h * rate)
@@ -192,6 +192,7 @@ def step(
                 workspace.past,
                 workspace.contacts,
                 colliders.posed.carry,
+                colliders.sweep.inner_radius,
                 np.float32(material.friction),
                 np.float32(lift),
                 swift,
