@@ -20,6 +20,8 @@ IntArray = NDArray[np.int32]
 
 _ROUNDS = 6
 _ATTEMPTS = 12
+_SHORTEST = 0.5
+"""No edge shall be shorter than this share of the median."""
 
 
 def remeshed(
@@ -46,22 +48,44 @@ def remeshed(
         vertices, triangles = _round(vertices, triangles, length, project)
         length *= np.sqrt(len(vertices) / count)
     for _ in range(_ATTEMPTS):
+        vertices, triangles = _with(count, vertices, triangles, project)
+        for _ in range(_ROUNDS):
+            vertices, triangles = _relaxed(vertices, triangles, project)
+        size = _lengths(vertices, edge_table(triangles)[0])
+        if size.min() > _SHORTEST * np.median(size):
+            break
+        # A vertex too many here is one too few elsewhere, which no smoothing mends.
+        shortest = _SHORTEST * float(np.median(size))
+        vertices, triangles = _collapsed(vertices, triangles, shortest, len(vertices))
+    return _with(count, vertices, triangles, project)
+
+
+def _with(
+    count: int,
+    vertices: FloatArray,
+    triangles: IntArray,
+    project: Callable[[FloatArray], FloatArray],
+) -> tuple[FloatArray, IntArray]:
+    """The surface with exactly so many vertices: longest edges split, or shortest collapsed."""
+    for _ in range(_ATTEMPTS):
         missing = count - len(vertices)
         if missing == 0:
-            break
+            return vertices, triangles
         if missing > 0:
             edges, side_edge, _ = edge_table(triangles)
-            size = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
-            chosen = _apart(np.argsort(-size, kind="stable"), side_edge, len(edges), missing)
+            longest = np.argsort(-_lengths(vertices, edges), kind="stable")
+            chosen = _apart(longest, side_edge, len(edges), missing)
             vertices, triangles = split_edges(vertices, triangles, chosen, edges, side_edge)
         else:
             vertices, triangles = _collapsed(vertices, triangles, np.inf, -missing)
         vertices, triangles = _relaxed(vertices, triangles, project)
     if len(vertices) != count:
         raise GeometryError(f"the surface cannot be meshed with {count} vertices")
-    for _ in range(_ROUNDS):
-        vertices, triangles = _relaxed(vertices, triangles, project)
     return vertices, triangles
+
+
+def _lengths(vertices: FloatArray, edges: IntArray) -> FloatArray:
+    return np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
 
 
 def _round(
@@ -71,7 +95,7 @@ def _round(
     project: Callable[[FloatArray], FloatArray],
 ) -> tuple[FloatArray, IntArray]:
     edges, side_edge, _ = edge_table(triangles)
-    size = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
+    size = _lengths(vertices, edges)
     vertices, triangles = split_edges(
         vertices, triangles, size > 4.0 / 3.0 * length, edges, side_edge
     )
