@@ -132,7 +132,7 @@ READERS = (
 )
 
 
-@pytest.mark.parametrize(("read", "data"), READERS)
+@pytest.mark.parametrize(("read", "data"), READERS, ids=["poses", "joints", "text"])
 def test_every_truncation_is_malformed(read, data):
     for size in range(len(data) - 24):
         with pytest.raises(MessageError) as caught:
