@@ -5,7 +5,11 @@ get a sphere, and hulls, that turn by a share of the joint's rotation. All of it
 skin of a region is outside its hulls.
 """
 
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import chain
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +49,8 @@ from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transfor
 from garment_sim_ros.params import HullSettings, declarations, validated
 
 FloatArray = NDArray[np.float64]
+_T = TypeVar("_T")
+_S = TypeVar("_S")
 
 _MOST_PARTS = 20
 """Most hulls for one region; a body without a rig is one region."""
@@ -116,37 +122,58 @@ def fit_hulls(
     regions = skin_regions(body, merge=settings.merge)
     surfaces = [region_surface(body.skin, regions, m) for m in range(len(regions))]
     total = sum(_volume(surface) for surface in surfaces)
-    colliders: list[Collider] = []
-    shapes: list[ShapeFit] = []
-    hulls: list[tuple[int, Hull]] = []
-    for m, surface in enumerate(surfaces):
-        if len(surface) == 0:
-            continue
-        bone = regions.names[m]
-        T_bone_bind = body.skin.T_bone_bind[regions.joint[m]]
-        saving = max(settings.split * total, 1e-12)
-        parts = convex_parts(surface, saving=saving, most=_MOST_PARTS)
-        for k, part in enumerate(parts):
-            name = bone if len(parts) == 1 else f"{bone}_{k}"
-            points = np.unique(part.reshape(-1, 3), axis=0)
-            try:
-                inner = convex_hull(points)
-            except GeometryError as error:
-                colliders.append(_capsule_around(name, bone, points, settings.delta, T_bone_bind))
-                shapes.append(ShapeFit(name=name, kind="capsule", note=f"no hull: {error}"))
-                continue
-            hull = _fitted(inner, points, settings)
-            hulls.append((m, hull))
-            colliders.append(_collider(name, bone, hull, T_bone_bind))
-            shapes.append(_figures(name, inner, hull, points, _remark(inner, hull, settings)))
-    for collider, shape in _joint_colliders(body, regions, hulls, settings):
-        colliders.append(collider)
-        shapes.append(shape)
+    saving = max(settings.split * total, 1e-12)
+
+    def of_region(m: int) -> list[_OfRegion]:
+        return list(_hulls_of_region(body, regions, m, surfaces[m], saving, settings))
+
+    fitted = _all(of_region, range(len(surfaces)))
+    hulls = [(one.region, one.hull) for one in fitted if one.hull is not None]
+    joints = _joint_colliders(body, regions, hulls, settings)
+    colliders = [one.collider for one in fitted] + [collider for collider, _ in joints]
+    shapes = [one.shape for one in fitted] + [shape for _, shape in joints]
     frames = frame_colliders(major_bones(body))
     return HullFit(
         colliders=ColliderSet(colliders=(*colliders, *frames), thickness=thickness),
         shapes=tuple(shapes),
     )
+
+
+class _OfRegion(NamedTuple):
+    """A collider of a region, and its hull if it is one."""
+
+    region: int
+    collider: Collider
+    shape: ShapeFit
+    hull: Hull | None
+
+
+def _hulls_of_region(
+    body: Body,
+    regions: Regions,
+    m: int,
+    surface: FloatArray,
+    saving: float,
+    settings: HullSettings,
+) -> Iterator[_OfRegion]:
+    if len(surface) == 0:
+        return
+    bone = regions.names[m]
+    T_bone_bind = body.skin.T_bone_bind[regions.joint[m]]
+    parts = convex_parts(surface, saving=saving, most=_MOST_PARTS)
+    for k, part in enumerate(parts):
+        name = bone if len(parts) == 1 else f"{bone}_{k}"
+        points = np.unique(part.reshape(-1, 3), axis=0)
+        try:
+            inner = convex_hull(points)
+        except GeometryError as error:
+            capsule = _capsule_around(name, bone, points, settings.delta, T_bone_bind)
+            shape = ShapeFit(name=name, kind="capsule", note=f"no hull: {error}")
+            yield _OfRegion(m, capsule, shape, None)
+            continue
+        hull = _fitted(inner, points, settings)
+        shape = _figures(name, inner, hull, points, _remark(inner, hull, settings))
+        yield _OfRegion(m, _collider(name, bone, hull, T_bone_bind), shape, hull)
 
 
 def _volume(surface: FloatArray) -> float:
@@ -209,16 +236,16 @@ def _joint_colliders(
     if settings.joints == "none" or not hulls:
         return []
     skin = MeshDistance(body.skin.vertices, body.skin.triangles)
-    made = []
-    for joint in joints(body, regions, skin):
+
+    def of_joint(joint: Joint) -> list[tuple[Collider, ShapeFit]]:
         posed, height = gaps(joint, hulls)
         if is_covered(height):
-            continue
+            return []
         if settings.joints == "spheres":
             radius = needed_radius(posed, height)
             own = np.linalg.norm(posed, axis=-1) - radius
-            made.append(_joint_sphere(body, regions, joint, joint.centre, radius, height, own))
-            continue
+            return [_joint_sphere(body, regions, joint, joint.centre, radius, height, own)]
+        made = []
         centre, radius, own = covering_sphere(joint, posed, height, skin)
         if is_worth_it(height, own):
             made.append(_joint_sphere(body, regions, joint, centre, radius, height, own))
@@ -227,7 +254,16 @@ def _joint_colliders(
             note = _opening(band.share, height, band.height)
             made.append(_joint_hull(body, regions, joint, k, band, note, settings))
             height = np.minimum(height, band.height)
+        return made
+
+    made = _all(of_joint, joints(body, regions, skin))
     return [(_inflated(collider, settings.delta), shape) for collider, shape in made]
+
+
+def _all(of: Callable[[_T], Iterable[_S]], items: Iterable[_T]) -> list[_S]:
+    """What a function makes of independent items, in their order; threads share the work."""
+    with ThreadPoolExecutor() as pool:
+        return list(chain.from_iterable(pool.map(of, items)))
 
 
 def _inflated(collider: Collider, delta: float) -> Collider:
