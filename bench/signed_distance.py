@@ -2,7 +2,7 @@
 
     python bench/signed_distance.py [--data DIR] [--body mannequin] [--parts fits,clips,contact]
 
-fits: processor time, memory, and how both stand off the skin in the bind pose. clips: how far the
+fits: time, memory, and how both stand off the skin in the bind pose. clips: how far the
 posed skin leaves them over 25 poses of each of three clips. contact: T-shirt and short skirt on
 the walking mannequin, what they bring to their collisions in 30 steps collided again, both kinds
 by turns; medians of processor time of one thread.
@@ -41,9 +41,9 @@ def fits(body: Body, sets: dict[str, ColliderSet], options: dict[str, ColliderOp
     for name, colliders in sets.items():
         took = []
         for _ in range(3):
-            begin = time.thread_time()
+            begin = time.perf_counter()
             fit_colliders(body, options[name])
-            took.append(time.thread_time() - begin)
+            took.append(time.perf_counter() - begin)
         report = fit_report(body, colliders)
         print(
             f"{name}: {report['colliders']}; fit {np.median(took):.1f} s, description "
