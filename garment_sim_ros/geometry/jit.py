@@ -1,7 +1,8 @@
 """JIT options, decided here and nowhere else.
 
-The fast-math flags leave out ``nnan`` and ``ninf``: checks for NaN and infinity must keep working
-in every kernel.
+The fast-math flags leave out ``nnan`` and ``ninf``: comparisons with NaN and infinity must keep
+working in every kernel. `np.isfinite` does not, of a sum: it subtracts its argument from itself,
+and sums may be reordered until nothing is left. Kernels ask whether a number is below infinity.
 
 What a kernel calls is inlined (``forceinline=True``) where it is more than a few lines. A function
 that is compiled for itself and again into its caller exists twice, reordered differently by

@@ -18,7 +18,7 @@ Shape = tuple[Collider, FloatArray, FloatArray]
 
 def correct_springs(
     x: FloatArray,
-    springs: FloatArray,
+    springs: NDArray[np.int32],
     rest_length: FloatArray,
     inverse_mass: FloatArray,
     sweeps: int,
@@ -102,7 +102,7 @@ def signed_distance(shape: Shape, point: FloatArray) -> tuple[float, FloatArray]
         return length - (r0 + t * (r1 - r0)), apart / max(length, 1e-300)
 
     low, high = 0.0, 1.0
-    for _ in range(200):
+    for _ in range(80):
         a, b = low + (high - low) / 3, high - (high - low) / 3
         low, high = (low, b) if at(a)[0] < at(b)[0] else (a, high)
     return at((low + high) / 2)

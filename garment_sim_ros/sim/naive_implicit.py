@@ -3,19 +3,25 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.sim.naive_xpbd import excess
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 
 def edge_forces(
-    x: FloatArray, edges: IntArray, rest_length: FloatArray, stiffness: FloatArray
+    x: FloatArray,
+    edges: IntArray,
+    rest_length: FloatArray,
+    stiffness: FloatArray,
+    has_roots: bool = True,
 ) -> FloatArray:
-    """Forces of springs [N], shape [n, 3]; with the distance itself, not a quotient near it."""
+    """Forces of springs [N], shape [n, 3]; with the distance itself, or a quotient near it."""
     force = np.zeros_like(x)
     for (i, j), rest, k in zip(edges, rest_length, stiffness):
         apart = x[i] - x[j]
         length = float(np.linalg.norm(apart))
-        pull = k * (length - rest) * apart / length
+        pull = k * excess(length, rest, has_roots) * apart / length
         force[i] -= pull
         force[j] += pull
     return force

@@ -142,3 +142,77 @@ def part(
     held = 1.0 if length <= most else most / length
     x[particles] += np.outer(w, depth / total * n)
     v[particles] -= np.outer(w, ((u @ n) * n + held * slip) / total)
+
+
+def crossing(
+    x: FloatArray, ab: IntArray, triangle: IntArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """Where an edge passes through a triangle: coefficients of the five, and the unit normal."""
+    i, j, k = x[triangle]
+    way = x[ab[1]] - x[ab[0]]
+    sides = np.stack([way, i - j, i - k], axis=1)
+    if np.linalg.matrix_rank(sides) < 3:
+        return None
+    s, u, w = np.linalg.solve(sides, i - x[ab[0]])
+    if not (0.0 < s < 1.0 and u >= 0.0 and w >= 0.0 and u + w <= 1.0):
+        return None
+    normal = np.cross(j - i, k - i)
+    return np.array([1 - s, s, u + w - 1, -u, -w]), normal / np.linalg.norm(normal)
+
+
+def _contour(x: FloatArray, ab: IntArray, corner: int, normal: FloatArray) -> FloatArray:
+    """Unit direction of the contour from an edge into its triangle with that corner."""
+    a, b = x[ab]
+    own = np.cross(b - a, x[corner] - a)
+    along = np.cross(own, normal)
+    length = float(np.linalg.norm(along))
+    if length <= 1e-12:
+        return np.zeros(3)
+    return along / length * (1.0 if along @ np.cross(own, b - a) > 0.0 else -1.0)
+
+
+def untangle(
+    x: FloatArray,
+    v: FloatArray,
+    inverse_mass: FloatArray,
+    ab: IntArray,
+    corners: IntArray,
+    triangle: IntArray,
+    far: float,
+    softness: float,
+) -> bool:
+    """Displaces an edge and what it passes through, Volino & Magnenat-Thalmann 2006, section 3.
+
+    The contour's length changes by the gradient ``R - 2 (E R) / (E N) N``, E along the edge, N
+    across the triangle, R the sum of the contour's directions into the edge's triangles.
+
+    Args:
+        x: Positions, changed in place [m], shape [n, 3].
+        v: Velocities, changed in place [m/s], shape [n, 3].
+        inverse_mass: Shape [n] [1/kg].
+        ab: Ends of the edge.
+        corners: The third corner of each of its triangles, one or two.
+        triangle: What it passes through.
+        far: Displacement where the way out is clear [m].
+        softness: See `kernels.untangling.untangle`.
+
+    Returns:
+        Whether it was displaced.
+    """
+    found = crossing(x, ab, triangle)
+    if found is None:
+        return False
+    c, normal = found
+    five = np.concatenate([ab, triangle])
+    R = sum((_contour(x, ab, o, normal) for o in corners), np.zeros(3))
+    E = x[ab[1]] - x[ab[0]]
+    G = R - 2.0 * (E @ R) / (E @ normal) * normal
+    squared = float(G @ G)
+    w = inverse_mass[five] * c
+    total = max(float(c @ w), 0.25 * float(inverse_mass[five].max()))
+    if squared == 0.0 or total == 0.0:
+        return False
+    closing = min(float(c @ v[five] @ G), 0.0)
+    x[five] += np.outer(w, far / np.sqrt(squared + softness**2) / total * G)
+    v[five] -= np.outer(w, closing / squared / total * G)
+    return True

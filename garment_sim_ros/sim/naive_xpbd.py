@@ -7,6 +7,13 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 
+def excess(length: float, rest: float, has_roots: bool) -> float:
+    """How much longer an edge is than at rest, or what `kernels.edges` has for that [m]."""
+    if has_roots:
+        return length - rest
+    return 2.0 * (length**2 - rest**2) / (rest**2 + 3.0 * length**2) * length
+
+
 def solve_edges(
     x: FloatArray,
     edges: IntArray,
@@ -15,10 +22,11 @@ def solve_edges(
     inverse_mass: FloatArray,
     dt: float,
     iterations: int,
+    has_roots: bool = True,
 ) -> FloatArray:
     """Positions [n, 3] after passes over edges [m, 2]: Macklin et al. 2016, equations 17 and 18.
 
-    With the distance itself, where the kernel has a quotient near it.
+    With the distance itself, or with the quotient near it that the kernel has.
     """
     x = np.array(x, dtype=np.float64)
     multiplier = np.zeros(len(edges))
@@ -26,9 +34,10 @@ def solve_edges(
         for e, (i, j) in enumerate(edges):
             apart = x[i] - x[j]
             length = float(np.linalg.norm(apart))
+            over = excess(length, rest_length[e], has_roots)
             compliance = 1.0 / (stiffness[e] * dt**2)
             total = inverse_mass[i] + inverse_mass[j] + compliance
-            change = -(length - rest_length[e] + compliance * multiplier[e]) / total
+            change = -(over + compliance * multiplier[e]) / total
             multiplier[e] += change
             x[i] += inverse_mass[i] * change * apart / length
             x[j] -= inverse_mass[j] * change * apart / length

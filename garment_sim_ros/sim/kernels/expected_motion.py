@@ -5,6 +5,7 @@ import numpy as np
 from garment_sim_ros.geometry.jit import kernel
 
 _ZERO = np.float32(0.0)
+_INFINITE = np.float32(np.inf)
 
 
 @kernel()
@@ -33,7 +34,7 @@ def drift(x, place, speed, time):
         dy = x[p, 1] - my - place[p, 1] - time * speed[p, 1]
         dz = x[p, 2] - mz - place[p, 2] - time * speed[p, 2]
         farthest = max(farthest, dx * dx + dy * dy + dz * dz)
-    if not np.isfinite(mx + my + mz):
+    if not abs(mx + my + mz) < _INFINITE:
         return np.float32(np.nan)
     return np.sqrt(farthest)
 
@@ -71,7 +72,7 @@ def expect(x_before, x, v, dt, steps, far, start, place, speed, way):
             place[p, k] = x[p, k] - mean
             speed[p, k] = v[p, k] - mean_v
             total += speed[p, k] * speed[p, k]
-    if not np.isfinite(total):
+    if not total < _INFINITE:
         return -1
     ahead = min(steps, int(far / (dt * np.sqrt(total / n) + np.float32(1e-9))))
     time = dt * np.float32(ahead)

@@ -13,6 +13,7 @@ from garment_sim_ros.sim.kernels.self_contact import LEAST_LEVER
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
+_INFINITE = np.float32(np.inf)
 _TINY = np.float32(1e-12)
 
 
@@ -126,7 +127,7 @@ def untangle(x, v, inverse_mass, crossings, crossing_count, far, softness):
         gy = ry - slope * ny
         gz = rz - slope * nz
         squared = gx * gx + gy * gy + gz * gz
-        if not squared > _ZERO or not np.isfinite(squared):
+        if not _ZERO < squared < _INFINITE:
             continue
         ca, cb, ci, cj, ck = _ONE - s, s, u + w - _ONE, -u, -w
         wa, wb = inverse_mass[a] * ca, inverse_mass[b] * cb

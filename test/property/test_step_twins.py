@@ -1,0 +1,166 @@
+"""Whole steps against the naive rules put together: their order, and what each hands on."""
+
+import numpy as np
+import pytest
+
+from garment_sim_ros.geometry.shapes import Collider
+from garment_sim_ros.params import (
+    Environment,
+    ImplicitSettings,
+    Material,
+    RelaxationSettings,
+    XpbdSettings,
+)
+from garment_sim_ros.sim.attached import Attached
+from garment_sim_ros.sim.model import Parameters, build_model
+from garment_sim_ros.sim.naive_implicit_steps import SubSteps, Tie
+from garment_sim_ros.sim.naive_steps import Elastic, Piece, relaxation_step, xpbd_step
+from garment_sim_ros.sim.solvers import implicit, relaxation, xpbd
+from garment_sim_ros.sim.solvers.implicit_workspace import ImplicitWorkspace, bending_bound
+from garment_sim_ros.sim.solvers.xpbd import XpbdWorkspace
+from garment_sim_ros.sim.state import ColliderState, State, Workspace
+
+RADIUS, FRICTION, DAMPING = 0.1, 0.3, 2.0
+WAY = np.array([0.001, -0.0005, 0.002])
+
+
+@pytest.fixture
+def scene(cloth):
+    """An uneven cloth, two pins and some tethers, over a ball that comes up; and its twin."""
+    rng = np.random.default_rng(7)
+    rest, triangles = cloth.grid(8, 7, 0.015)
+    rest += 0.001 * rng.normal(size=rest.shape) + [0.0, 0.0, RADIUS + 0.001]
+    material = Material(
+        friction=FRICTION, damping=DAMPING, air_drag=0.0, bending_stiffness=1e-4, thickness=0.002
+    )
+    model = build_model(
+        *("cloth", rest, triangles, material),
+        pins=np.array([0, 6]),
+        pin_collider=np.zeros(2, int),
+        pin_position=rest[[0, 6]],
+    )
+    ball = Collider(name="ball", kind="sphere", bone="bone", geometry={"radius": RADIUS})
+    state = State.at(model, rest, np.zeros(3))
+    state.x[: model.free_count] += 5e-5 * rng.normal(size=(model.free_count, 3))
+    state.v[: model.free_count] = 0.02 * rng.normal(size=(model.free_count, 3)) - [0.1, 0.0, 0.3]
+    pin = np.full((model.free_count, 1), model.free_count, np.int32)
+    apart = np.linalg.norm(model.rest[:54] - model.rest[54], axis=1)[:, None]
+    length = (apart * rng.choice([0.995, 1.1, np.inf], apart.shape)).astype(np.float32)
+    colliders = ColliderState.of(cloth.colliders(ball))
+    colliders.end.position[:] = WAY
+    colliders.pose()
+    piece = Piece(
+        *(state.x.astype(np.float64), state.v.astype(np.float64)),
+        *(model.inverse_mass.astype(np.float64), model.free_count, ball, lambda s: s * WAY),
+        *(0.002, FRICTION, np.array([0.0, 0.0, -9.81]), DAMPING, (pin, length.astype(float))),
+    )
+    attached = Attached.none()._replace(pin=pin, length=length)
+    return model, colliders, state, attached, piece
+
+
+def compare(state, piece, dt):
+    assert np.abs(state.x - piece.x).max() < 1e-6
+    # Positions of some centimetres are rounded to 4e-9 m, several times in a step.
+    assert np.abs(state.v - piece.v).max() < 1e-7 / dt
+
+
+def test_relaxation(scene):
+    model, colliders, state, attached, piece = scene
+    dt = 1 / 180
+    workspace = Workspace.room_for(model, 1)
+    workspace.attached = attached
+    params = Parameters(environment=Environment(), settings=RelaxationSettings(sweeps=3))
+    relaxation.step(model, colliders, params, state, workspace, dt)
+    springs = model.springs
+    relaxation_step(piece, springs.particles.reshape(-1, 2), springs.rest_length, 3, dt)
+    compare(state, piece, dt)
+    assert 5 < workspace.contact_count < 50
+    assert attached.held[0] > 0
+
+
+@pytest.mark.parametrize(
+    ("iterations", "every", "moving"), [(1, 3, True), (1, 3, False), (4, 2, True), (1, 1, True)]
+)
+def test_xpbd(scene, iterations, every, moving):
+    """With edges solved in a hurry, as where cloth moves, and apart."""
+    model, colliders, state, attached, piece = scene
+    dt, count = 1 / 1200, 6
+    workspace = XpbdWorkspace.room_for(model, 1)
+    workspace.attached = attached
+    workspace.motion[0] = 1e3 if moving else 0.0
+    settings = XpbdSettings(sub_step=dt, iterations=iterations, bending_every=every)
+    xpbd.step(
+        model,
+        colliders,
+        Parameters(environment=Environment(), settings=settings),
+        state,
+        workspace,
+        count * dt,
+    )
+    ready = workspace.prepared
+    elastic = Elastic(
+        edges=ready.edge_particles.reshape(-1, 2).astype(np.int32),
+        rest_length=np.sqrt(workspace.rest_squared),
+        stiffness=workspace.stiffness,
+        hinges=ready.hinge_particles,
+        weight=workspace.hinge_weight,
+        hinge_stiffness=workspace.hinge_stiffness,
+    )
+    xpbd_step(piece, elastic, count, iterations, every, dt)
+    compare(state, piece, dt)
+    assert 5 < workspace.contact_count < 50
+    assert attached.held[0] > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("iterations", [1, 4])
+def test_implicit(scene, iterations):
+    """With springs to places on the body, one of them so stiff that it does not give way."""
+    model, colliders, state, attached, piece = scene
+    dt, count, f = 1 / 240, 3, model.free_count
+    piece.tethers = (np.zeros((0, 1), np.int32), np.zeros((0, 1)))
+    who = np.array([3, 17, 30, 44], np.int32)
+    rate = np.array([[1e4, 0.0], [0.0, 50.0], [3e3, 20.0], [1e18, 0.0]])
+    attached = attached._replace(
+        pin=piece.tethers[0],
+        length=np.zeros((0, 1), np.float32),
+        particle=who,
+        collider=np.array([0, 1, 1, 0], np.int32),
+        place=model.rest[who] + [0.0, 0.001, 0.0],
+        rate=rate,
+        target=np.full((4, 3), np.nan, np.float32),
+    )
+    workspace = ImplicitWorkspace.room_for(model, 1)
+    workspace.attached = attached
+    workspace.share[:] = np.linspace(0.0, 1.0, f)
+    share = workspace.share.astype(np.float64)
+    settings = ImplicitSettings(sub_step=dt, iterations=iterations)
+    params = Parameters(environment=Environment(), settings=settings)
+    implicit.step(model, colliders, params, state, workspace, count * dt)
+    ready = workspace.cloth
+    elastic = Elastic(
+        edges=ready.edge_particles.reshape(-1, 2).astype(np.int32),
+        rest_length=np.sqrt(ready.rest_squared.astype(np.float64)),
+        stiffness=ready.edge_stiffness.astype(np.float64),
+        hinges=ready.hinge_particles,
+        weight=ready.hinge_weight.astype(np.float64),
+        hinge_stiffness=ready.hinge_stiffness.astype(np.float64),
+    )
+    bound = elastic.stiffness + bending_bound(
+        elastic.edges, elastic.hinges, elastic.weight, elastic.hinge_stiffness
+    )
+    ties = [
+        Tie(int(p), place, *(model.mass[p] * np.minimum(r, 1e12)), r[0] > 1e9)
+        for p, place, r in zip(who, attached.place, rate)
+    ]
+    twin = SubSteps(
+        *(piece, elastic, bound, ties, ready.grip.astype(np.float64), workspace.lift),
+        *(dt / 0.2, share),
+    )
+    for s in range(count):
+        pressed = twin.run(s / count, (s + 1) / count, dt, iterations)
+    assert workspace.contact_count == pressed > 5
+    compare(state, piece, dt)
+    assert np.abs(workspace.share - twin.share).max() < 1e-4
+    for p, lever in twin.levers.items():
+        assert np.abs(workspace.hold.lever[p] - lever).max() < 1e-6

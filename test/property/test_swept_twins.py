@@ -1,0 +1,270 @@
+"""Swept contact, and what shapes do to cloth between and beside searches, against naive twins."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from garment_sim_ros.geometry.contact import Contacts, collide
+from garment_sim_ros.geometry.contact_pinch import stay_between
+from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
+from garment_sim_ros.geometry.contact_sides import OPPOSED, PASSING, UNDER, Sides
+from garment_sim_ros.geometry.contact_sweep import Sweep, sweep
+from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.geometry.transforms import matrix_from_quaternion
+from garment_sim_ros.params import Material
+from garment_sim_ros.sim import naive_contact
+from garment_sim_ros.sim.kernels.planes import remember_planes, stop_at_contacts, touch_planes
+from garment_sim_ros.sim.model import build_model
+from garment_sim_ros.sim.sample_points import SamplePoints, meet_between
+
+SEEDS = st.integers(0, 10**6)
+THICKNESS = 0.003
+
+
+class Scene:
+    """Spheres and tapered capsules that move in a step, about an origin away from the world's."""
+
+    def __init__(self, rng, count, way, turn):
+        colliders = []
+        for k in range(count):
+            r0, r1, length = rng.uniform([0.02, 0.02, 0.0], [0.06, 0.06, 0.3])
+            capsule = {"radius0": r0, "radius1": r1, "length": length}
+            kind, geometry = ("sphere", {"radius": r0}) if k % 2 else ("capsule", capsule)
+            colliders.append(Collider(name=f"c{k}", kind=kind, bone="b", geometry=geometry))
+        self.set = ColliderSet(colliders=tuple(colliders))
+        self.origin = rng.normal(size=3)
+        q = rng.normal(size=(count, 4))
+        self.start = ColliderPoses(
+            position=rng.uniform(-0.1, 0.1, (count, 3)) + self.origin,
+            orientation=q / np.linalg.norm(q, axis=1, keepdims=True),
+        )
+        q = self.start.orientation + turn * rng.normal(size=(count, 4))
+        self.end = ColliderPoses(
+            position=self.start.position + way * rng.normal(size=(count, 3)),
+            orientation=q / np.linalg.norm(q, axis=1, keepdims=True),
+        )
+        self.packed = pack(self.set)
+        self.posed = PosedShapes.room_for(self.packed)
+        pose(self.packed, self.start, self.end, self.origin, self.posed)
+        self.way = Sweep.of(self.set, self.packed)
+
+    @property
+    def carry(self):
+        """From the poses, in float64."""
+        R0, R1 = (matrix_from_quaternion(p.orientation) for p in (self.start, self.end))
+        R = R1 @ R0.transpose(0, 2, 1)
+        p0, p1 = self.start.position - self.origin, self.end.position - self.origin
+        offset = p1 - np.einsum("kij,kj->ki", R, p0)
+        return np.concatenate([R - np.eye(3), offset[..., None]], axis=2)
+
+    @property
+    def shapes(self):
+        """For the naive twins, at the end of the step."""
+        R = matrix_from_quaternion(self.end.orientation)
+        return list(zip(self.set.colliders, self.end.position - self.origin, R))
+
+
+@pytest.mark.parametrize(
+    ("way", "turn", "least"), [(0.0, 0.0, 3), (0.02, 0.5, 10), (0.1, 0.0, 8), (0.2, 0.5, 10)]
+)
+def test_sweep(way, turn, least):
+    """As the twin, which looks at all shapes, but for particles on the brink of some threshold.
+
+    Fast shapes past slow particles and the other way round; particles that begin inside, go
+    nowhere, or meet shapes that do not count.
+    """
+    total = brink = 0
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        count = 2 + seed % 4
+        scene = Scene(rng, count, way, turn)
+        x_start = rng.uniform(-0.15, 0.15, (50, 3)).astype(np.float32)
+        far = rng.choice([0.0, 0.005, 0.2], (50, 1))
+        x = (x_start + far * rng.normal(size=(50, 3))).astype(np.float32)
+        x_start[:count] = scene.start.position - scene.origin
+        x[:2] = x_start[:2]
+        before = x.copy()
+        side = rng.choice([UNDER, UNDER, UNDER, PASSING, OPPOSED], (count, 50)).astype(np.int8)
+        stopped = sweep(
+            *(scene.packed, scene.posed, side, scene.way, x, x_start, np.float32(THICKNESS))
+        )
+        expected = naive_contact.sweep(
+            *(scene.shapes, scene.carry, scene.way.inner_radius.astype(np.float64)),
+            *(side == UNDER, before, x_start, THICKNESS),
+        )
+        # A way ten times as long as a radius, at a grazing angle, multiplies rounding.
+        brink += (np.abs(x - expected).max(axis=1) > 1e-5).sum()
+        assert stopped == (x != before).any(axis=1).sum()
+        total += stopped
+        if way == turn == 0.0:
+            slow = np.linalg.norm(before - x_start, axis=1) < 0.01
+            assert (x[slow] == before[slow]).all()
+    assert total > least
+    assert brink <= 1
+
+
+@given(SEEDS, st.integers(2, 5))
+@settings(derandomize=True, deadline=None, max_examples=20)
+def test_pinches(seed, count):
+    """Particles near to where shapes face each other, some of them at rest there."""
+    rng = np.random.default_rng(seed)
+    scene = Scene(rng, count, 0.01, 0.05)
+    middle = np.mean([place for _, place, _ in scene.shapes], axis=0)
+    n = 40
+    x_start = (middle + 0.06 * rng.normal(size=(n, 3))).astype(np.float32)
+    x = (x_start + rng.choice([0.0, 0.01], (n, 1)) * rng.normal(size=(n, 3))).astype(np.float32)
+    side = rng.choice([UNDER, OPPOSED, PASSING], (count, n)).astype(np.int8)
+    rounding = 1e-6
+    off = []
+    for p in range(n):
+        k = int(rng.integers(count))
+        *place, is_held = stay_between(
+            *(scene.packed, scene.posed, side, p, x_start, *x[p], k),
+            *np.float32([THICKNESS, rounding]),
+        )
+        pressing = [s for s, where in zip(scene.shapes, side[:, p]) if where != PASSING]
+        if not pressing:
+            assert not is_held
+            continue
+        ridden = x_start[p] + naive_contact.ridden(scene.carry[k], x_start[p])
+        expected, expected_held = naive_contact.stay_between(
+            pressing, x[p].astype(np.float64), ridden, THICKNESS, rounding
+        )
+        off.append(np.abs(np.array(place) - expected).max() + (is_held != expected_held))
+    # Which of two shapes is nearest may be a matter of rounding.
+    assert (np.array(off) > 1e-4).sum() <= 1
+
+
+def met(scene, points, x_start, friction, x_points):
+    """What the kernels of contact, which have twins of their own, make of points' positions."""
+    x = x_points.astype(np.float32)
+    before = np.einsum("sk,ski->si", points.weight, x_start[points.corner]).astype(np.float32)
+    found = Contacts.room_for(len(x), len(scene.shapes))
+    packed, posed, thickness = scene.packed, scene.posed, np.float32(THICKNESS)
+    sweep(packed, posed, points.sides.side, scene.way, x, before, thickness)
+    collide(packed, posed, points.sides, x, before, thickness, friction, found)
+    return x.astype(np.float64), found.shape, found.normal.astype(np.float64)
+
+
+@pytest.mark.parametrize("where", ["edges", "triangles", "both"])
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_points_between_particles(cloth, where, friction):
+    """Coarse cloth over spheres and capsules, pins among its corners, some shapes passing."""
+    touched = 0
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        scene = Scene(rng, 4, 0.02, 0.1)
+        rest, triangles = cloth.grid(7, 6, 0.06)
+        pins = rng.choice(len(rest), 8, replace=False)
+        model = build_model(
+            *("cloth", rest, triangles, Material()),
+            pins=pins,
+            pin_collider=np.zeros(8, int),
+            pin_position=rest[pins],
+        )
+        free, n = model.free_count, len(model)
+        x = (model.rest + 0.01 * rng.normal(size=(n, 3))).astype(np.float32)
+        x_start = (x + 0.01 * rng.normal(size=(n, 3))).astype(np.float32)
+        sides = Sides.of(np.zeros(free, np.int32), rng.choice([UNDER, UNDER, PASSING], (1, 4)))
+        points = SamplePoints.of(model, sides, where)
+        contacts = Contacts.room_for(free, 4)
+        contacts.shape[:] = np.where(rng.random(free) < 0.2, 2, -1)
+
+        exact, shape = x.astype(np.float64), contacts.shape.copy()
+        naive_shape = np.append(shape, np.full(n - free, 9, np.int32))
+        naive_depth = np.zeros(n)
+        naive_contact.meet_between(
+            *(exact, points.corner, points.weight, model.inverse_mass),
+            *(naive_shape, naive_depth, partial(met, scene, points, x_start, friction)),
+        )
+        before = x.copy()
+        meet_between(
+            *(scene.packed, scene.posed, points, x, x_start, scene.posed, x_start, scene.way),
+            *(np.float32(THICKNESS), np.float32(friction), contacts),
+        )
+        # Rounding of a point's place, through contact.
+        np.testing.assert_allclose(x, exact, atol=1e-5)
+        new = (shape < 0) & (naive_depth[:free] > 1e-6) & (contacts.depth > 1e-6)
+        assert new.sum() >= ((naive_shape[:free] != shape) & (naive_depth[:free] > 1e-6)).sum() - 1
+        assert (contacts.shape == naive_shape[:free])[new].all()
+        np.testing.assert_allclose(contacts.depth[new], naive_depth[:free][new], atol=1e-5)
+        assert (x[free:] == before[free:]).all()
+        touched += int((x != before).any(axis=1).sum())
+    assert touched > 20
+
+
+def contact_arrays(rng, n, m):
+    """Shapes touched, unit normals, and depths, some of them infinite."""
+    shape = rng.integers(-1, m, n).astype(np.int32)
+    normal = rng.normal(size=(n, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    depth = np.where(rng.random(n) < 0.1, np.inf, rng.uniform(0.0, 0.01, n))
+    return shape, normal.astype(np.float32), depth.astype(np.float32)
+
+
+@given(SEEDS, st.floats(1e-3, 0.02), st.sampled_from([0.0, 0.3, 2.0]))
+@settings(derandomize=True, deadline=None, max_examples=20)
+def test_planes(seed, dt, friction):
+    """What touched rides on, and is held or slips; a plane that is just met changes nothing."""
+    rng = np.random.default_rng(seed)
+    n, m = 60, 3
+    dt, friction = np.float32(dt), np.float32(friction)
+    x_start = rng.normal(size=(n, 3)).astype(np.float32)
+    touched_at = (x_start + 0.003 * rng.normal(size=(n, 3))).astype(np.float32)
+    v = (0.5 * rng.normal(size=(n, 3))).astype(np.float32)
+    x = (x_start + dt * v).astype(np.float32)
+    x[0], x_start[1], v[1] = touched_at[0], x[1], 0.0
+    shape, normal, depth = contact_arrays(rng, n, m)
+    carry = (0.005 * rng.normal(size=(m, 3, 4))).astype(np.float32)
+    place, ride = np.full((2, n, 3), 7.0, np.float32)
+    remember_planes(touched_at, x_start, shape, carry, place, ride)
+    expected = []
+    for p in range(n):
+        at, speed = x[p].astype(np.float64), v[p].astype(np.float64)
+        if shape[p] < 0:
+            assert (place[p] == 7.0).all()
+        else:
+            way = naive_contact.ridden(carry[shape[p]].astype(np.float64), x_start[p])
+            at, speed = naive_contact.touch_plane(
+                *(at, speed, x_start[p].astype(np.float64), touched_at[p] + way, way),
+                *(normal[p].astype(np.float64), bool(np.isinf(depth[p])), friction, float(dt)),
+            )
+        expected.append((at, speed))
+    touch_planes(x, v, x_start, shape, normal, depth, place, ride, friction, dt)
+    np.testing.assert_allclose(x, [e[0] for e in expected], atol=2e-6)
+    # Positions are rounded to 2e-7 m.
+    np.testing.assert_allclose(v, [e[1] for e in expected], atol=1e-6 / dt + 1e-6)
+
+
+@given(SEEDS, st.floats(1e-3, 0.02), st.sampled_from([0.0, 0.3, 2.0]))
+@settings(derandomize=True, deadline=None, max_examples=20)
+def test_velocities_after_a_search(seed, dt, friction):
+    rng = np.random.default_rng(seed)
+    n, m = 60, 3
+    dt, friction = np.float32(dt), np.float32(friction)
+    x_start = rng.normal(size=(n, 3)).astype(np.float32)
+    v = (0.5 * rng.normal(size=(n, 3))).astype(np.float32)
+    v[0] = 0.0
+    shape, normal, depth = contact_arrays(rng, n, m)
+    # Some went all the way out, some sideways, some nowhere.
+    way_out = np.where(np.isinf(depth), 0.0, depth)[:, None] * normal
+    way_out *= rng.choice([0.0, 0.3, 1.0], (n, 1))
+    x_before = (x_start + dt * v).astype(np.float32)
+    x = (x_before + way_out).astype(np.float32)
+    carry = (0.005 * rng.normal(size=(m, 3, 4))).astype(np.float32)
+    carry[0] = 0.0
+    expected = v.astype(np.float64)
+    for p in np.flatnonzero(shape >= 0):
+        way = naive_contact.ridden(carry[shape[p]].astype(np.float64), x_start[p])
+        expected[p] = naive_contact.stop_at_contact(
+            *(expected[p], (x[p] - x_before[p]).astype(np.float64), way / dt),
+            *(normal[p].astype(np.float64), float(depth[p]), float(friction)),
+        )
+    motion = np.zeros(2)
+    stop_at_contacts(x, v, x_start, x_before, shape, normal, depth, carry, friction, dt, motion)
+    np.testing.assert_allclose(v, expected, atol=1e-6 / dt)
+    speed = (v.astype(np.float64) ** 2).sum(axis=1)
+    assert motion == pytest.approx([speed.sum(), speed.max()], rel=1e-5)
