@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 from garment_sim_ros.geometry.shapes import Collider
 from garment_sim_ros.sim import naive, naive_xpbd
 from garment_sim_ros.sim.naive_attached import pull_tethers
-from garment_sim_ros.sim.naive_contact import leave_sphere, stop_at_contact, touch_plane
+from garment_sim_ros.sim.naive_contact import (
+    leave_sphere,
+    return_to_plane,
+    stop_at_contact,
+    touch_plane,
+)
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -127,6 +132,7 @@ def xpbd_step(
     f, x, v = piece.free, piece.x, piece.v
     keep = 1.0 / (1.0 + dt * piece.damping)
     planes: dict[int, tuple[FloatArray, FloatArray]] = {}
+    radius = float(piece.sphere.geometry["radius"])
     for s in range(count):
         if s % every == 0:
             long = every * dt
@@ -153,6 +159,11 @@ def xpbd_step(
                     x[p], v[p], x_start[p], place + ride, ride, normal, False, piece.friction, dt
                 )
             continue
+        if s > 0:
+            for p, (place, normal) in planes.items():
+                x[p], v[p] = return_to_plane(
+                    x[p], v[p], x_start[p], place + ride, ride, normal, radius, piece.friction, dt
+                )
         before = x.copy()
         found = piece.meet(x_start, ride, (s + 1) / count)
         planes = {p: (x[p].copy(), n) for p, (n, depth) in enumerate(found) if depth > 0.0}

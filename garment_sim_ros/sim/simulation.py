@@ -50,6 +50,7 @@ class Simulation:
     Attributes:
         solver: Name of the solver.
         time: Time simulated since the last `reset` [s]; gusts depend on it.
+        outran: Steps in which the root was faster than cloth feels, see `root_motion`.
 
     Args:
         garments: `garment.Garment` objects or alike, with different names.
@@ -103,6 +104,7 @@ class Simulation:
             for outer in self._worn.values()
         }
         self.time = 0.0
+        self.outran = 0
         self.parameters = Parameters(
             environment=environment or Environment(),
             settings=settings or SOLVERS[solver].settings(),
@@ -273,7 +275,7 @@ class Simulation:
         self._follow(poses_start)
         for n in range(steps):
             self._motion.interpolate(poses_start, poses_end, n / steps, (n + 1) / steps)
-            self._take_along()
+            self._take_along(dt / steps)
             for worn in self._worn.values():
                 self._step(
                     worn,
@@ -308,12 +310,12 @@ class Simulation:
             for worn in self._worn.values():
                 worn.shift(shift_by)
 
-    def _take_along(self) -> None:
+    def _take_along(self, dt: float) -> None:
         """Takes the root's motion, as far as the cloth shall not feel it, out of a step."""
-        if self._taken_out.is_nothing or not len(self.collider_set):
-            return
         colliders, taken = self._colliders, self._taken_out
-        taken.begin_step(colliders.start, colliders.end)
+        if not len(self.collider_set) or not taken.begin_step(colliders.start, colliders.end, dt):
+            return
+        self.outran += taken.outran
         self._motion.state.pose()
         for worn in self._worn.values():
             take_along(

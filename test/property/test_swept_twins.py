@@ -16,7 +16,12 @@ from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim import naive_contact
-from garment_sim_ros.sim.kernels.planes import remember_planes, stop_at_contacts, touch_planes
+from garment_sim_ros.sim.kernels.planes import (
+    remember_planes,
+    return_to_planes,
+    stop_at_contacts,
+    touch_planes,
+)
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.sample_points import SamplePoints, meet_between
 
@@ -205,10 +210,13 @@ def contact_arrays(rng, n, m):
     return shape, normal.astype(np.float32), depth.astype(np.float32)
 
 
-@given(SEEDS, st.floats(1e-3, 0.02), st.sampled_from([0.0, 0.3, 2.0]))
-@settings(derandomize=True, deadline=None, max_examples=20)
-def test_planes(seed, dt, friction):
-    """What touched rides on, and is held or slips; a plane that is just met changes nothing."""
+@given(SEEDS, st.floats(1e-3, 0.02), st.sampled_from([0.0, 0.3, 2.0]), st.booleans())
+@settings(derandomize=True, deadline=None, max_examples=40)
+def test_planes(seed, dt, friction, searched):
+    """What touched rides on, and is held or slips; a plane that is just met changes nothing.
+
+    Before a search what is deep comes up, but not all the way.
+    """
     rng = np.random.default_rng(seed)
     n, m = 60, 3
     dt, friction = np.float32(dt), np.float32(friction)
@@ -221,6 +229,7 @@ def test_planes(seed, dt, friction):
     carry = (0.005 * rng.normal(size=(m, 3, 4))).astype(np.float32)
     place, ride = np.full((2, n, 3), 7.0, np.float32)
     remember_planes(touched_at, x_start, shape, carry, place, ride)
+    inner_radius = rng.uniform(0.02, 0.3, m).astype(np.float32)
     expected = []
     for p in range(n):
         at, speed = x[p].astype(np.float64), v[p].astype(np.float64)
@@ -228,12 +237,20 @@ def test_planes(seed, dt, friction):
             assert (place[p] == 7.0).all()
         else:
             way = naive_contact.ridden(carry[shape[p]].astype(np.float64), x_start[p])
-            at, speed = naive_contact.touch_plane(
-                *(at, speed, x_start[p].astype(np.float64), touched_at[p] + way, way),
-                *(normal[p].astype(np.float64), bool(np.isinf(depth[p])), friction, float(dt)),
-            )
+            pressed = bool(np.isinf(depth[p]))
+            moves = at, speed, x_start[p].astype(np.float64), touched_at[p] + way, way
+            out = normal[p].astype(np.float64)
+            if not searched:
+                at, speed = naive_contact.touch_plane(*moves, out, pressed, friction, float(dt))
+            elif not pressed:
+                radius = float(inner_radius[shape[p]])
+                at, speed = naive_contact.return_to_plane(*moves, out, radius, friction, float(dt))
         expected.append((at, speed))
-    touch_planes(x, v, x_start, shape, normal, depth, place, ride, friction, dt)
+    arrays = (x, v, x_start, shape, normal, depth, place, ride)
+    if searched:
+        return_to_planes(*arrays, inner_radius, friction, dt)
+    else:
+        touch_planes(*arrays, friction, dt)
     np.testing.assert_allclose(x, [e[0] for e in expected], atol=2e-6)
     # Positions are rounded to 2e-7 m.
     np.testing.assert_allclose(v, [e[1] for e in expected], atol=1e-6 / dt + 1e-6)

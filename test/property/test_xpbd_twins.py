@@ -10,6 +10,7 @@ from garment_sim_ros.sim import naive_xpbd
 from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
 from garment_sim_ros.sim.kernels.bending import bend, prepare_hinges
 from garment_sim_ros.sim.kernels.edges import prepare_edges, solve_edges, solve_edges_apart
+from garment_sim_ros.sim.kernels.sub_steps import arrive, coast
 
 SEEDS = st.integers(0, 10**6)
 
@@ -63,6 +64,25 @@ def test_bending(cloth, seed, dt, stiffness):
     prepare_hinges(pairs.particles, pairs.weight, pairs.stiffness, weight, 1.0, dt, ready)
     bend(x, v, pairs.particles, ready, np.float32(dt))
     assert np.abs(v - expected).max() < 1e-4 * max(1.0, float(np.abs(expected).max()))
+
+
+def test_ways_shorter_than_rounding_add_up():
+    """At half a metre coordinates are multiples of 6e-8 m; 500 sub-steps of 1e-9 m go 5e-7 m."""
+    rng = np.random.default_rng(3)
+    n, dt, count = 300, np.float32(1e-4), 500
+    x = rng.uniform(0.5, 1.0, n).astype(np.float32)
+    v = rng.uniform(-1e-5, 1e-5, n).astype(np.float32)
+    pushed = rng.uniform(-1e-8, 1e-8, n).astype(np.float32)
+    start, speed = x.astype(np.float64), v.astype(np.float64)
+    x_start, moved, low = np.zeros((3, n), np.float32)
+    for _ in range(count):
+        coast(x, v, x_start, moved, low, pushed, np.float32(1.0), dt)
+        arrive(x, v, moved, low, dt, np.float32(1.0) / dt)
+    rounds = np.arange(1, count + 1)
+    way = dt * (speed * count + pushed.astype(np.float64) * rounds.sum())
+    np.testing.assert_allclose(x.astype(np.float64) + low - start, way, atol=1e-10)
+    assert np.abs(low).max() <= np.spacing(np.float32(0.99)) / 2
+    np.testing.assert_allclose(v, speed + count * pushed.astype(np.float64), atol=1e-9)
 
 
 @given(

@@ -14,7 +14,10 @@ from garment_sim_ros.tradeoff.stability import Outcome, judge
 from garment_sim_ros.tradeoff.stability_map import Row, grade, picture, table
 
 CELLS = {cell.name: cell for cell in cells()}
-FAST = ("step: 333 ms", "stiffness: 1e+09 N/m", "NaN input: 1 s of poses")
+FAST = (
+    *("step: 333 ms", "stiffness: 1e+09 N/m", "NaN input: 1 s of poses"),
+    *("pins: inside a collider", "teleport: 100 m, ignore"),
+)
 """`garment-sim stability` runs all."""
 FAST_IMPLICIT = ("stiffness: 1e+06 N/m", "mass ratio: 100, graded mesh")
 
@@ -70,7 +73,7 @@ def test_what_a_broken_solver_does_is_found(monkeypatch, change, fault):
         change(self.state("cloth"))
 
     monkeypatch.setattr(Simulation, "advance", wrong)
-    assert fault in judge(scene(calm=2.0), "xpbd").faults
+    assert fault in judge(scene(calm=4.0), "xpbd").faults
 
 
 def test_what_cannot_be_simulated_is_told_as_refused():

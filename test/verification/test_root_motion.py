@@ -116,7 +116,7 @@ def test_taking_along_is_the_rigid_motion_it_says():
     expected_v = v @ (R1 @ R0.T).T
 
     taken = TakenOut(0.25, 0.0)
-    taken.begin_step(start, end)
+    assert taken.begin_step(start, end, 1.0)
     take_along(x, v, origin, taken.pivot, taken.turn, taken.way)
     np.testing.assert_allclose(x, expected_x, atol=2e-6)
     np.testing.assert_allclose(v, expected_v, atol=2e-6)
@@ -129,3 +129,19 @@ def test_fractions_of_one_change_nothing(cloth):
     path = [shaken(n) for n in range(60)]
     plain = Simulation((strip(cloth),), cloth.colliders(), solver_step=STEP)
     assert (drive(plain, path) == drive(flag(cloth), path)).all()
+
+
+def test_of_a_jump_cloth_feels_what_it_can_hand_on(cloth):
+    """100 m in one frame: 100 m/s are felt; the strip swings, and does not stay behind."""
+    simulation = flag(cloth, "xpbd")
+    here, there = body_at([0.0, 0.0, 0.0]), body_at([60.0, 80.0, 0.0])
+    simulation.reset(here)
+    simulation.advance(here, there, 3 * STEP)
+    assert simulation.outran == 3
+    away = np.abs(simulation.positions("cloth") - there.position[0]).max()
+    for _ in range(60):
+        simulation.advance(there, there, STEP)
+        away = max(away, np.abs(simulation.positions("cloth") - there.position[0]).max())
+    # It is 0.3 m long; each of 15 rows lags by what the body goes in a sub-step, 7 cm.
+    assert 0.31 < away < 1.5
+    assert simulation.outran == 3

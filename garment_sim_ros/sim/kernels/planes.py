@@ -4,11 +4,18 @@ A search (`geometry.contact`) costs more than the rest of a sub-step. Between tw
 particle that was in contact meets the plane through its place, across the normal found there,
 moving on as the shape moved. On the outside of a round shape the plane lies outside of it: a
 particle that slides lifts off by a few micrometres, and the next search puts it back.
+
+A search moves particles out along the normal where they are. Pulled deep into a round shape, as by
+edges of a pin in it, that is not where they touched: what moves them out also moves them sideways,
+which is work from nowhere. They come back to their planes first.
 """
 
 import numpy as np
 
 from garment_sim_ros.geometry.jit import kernel
+
+_SHALLOW = np.float32(0.02)
+"""Up to this depth, in inner radii of a shape, the normal is still that of the surface above."""
 
 
 @kernel(forceinline=True)
@@ -83,32 +90,78 @@ def touch_planes(x, v, x_start, shape, normal, pressed, place, ride, friction, d
             + (place[p, 1] - x[p, 1]) * ny
             + (place[p, 2] - x[p, 2]) * nz
         )
-        if depth <= zero:
+        if depth > zero:
+            _lift(x, v, x_start, p, depth, nx, ny, nz, rx, ry, rz, friction, rate)
+
+
+@kernel(forceinline=True)
+def return_to_planes(
+    x, v, x_start, shape, normal, pressed, place, ride, inner_radius, friction, dt
+):
+    """Contact with the planes before a search, of what is deep below them; it stays shallow there.
+
+    Args:
+        x: As in `touch_planes`, as all but one of the others.
+        v: Likewise.
+        x_start: Likewise.
+        shape: Likewise.
+        normal: Likewise.
+        pressed: Likewise; what shapes press from two sides is left to the search.
+        place: Likewise, but not moved on.
+        ride: Likewise.
+        inner_radius: Of each shape, see `geometry.contact_sweep.Sweep` [m], shape [m].
+        friction: As in `touch_planes`.
+        dt: Likewise.
+    """
+    zero = np.float32(0.0)
+    rate = np.float32(1.0) / dt
+    for p in range(shape.size):
+        c = shape[p]
+        if c < 0 or pressed[p] == np.float32(np.inf):
             continue
-        ux = x[p, 0] - x_start[p, 0] - rx
-        uy = x[p, 1] - x_start[p, 1] - ry
-        uz = x[p, 2] - x_start[p, 2] - rz
-        along = ux * nx + uy * ny + uz * nz
-        ux -= along * nx
-        uy -= along * ny
-        uz -= along * nz
-        slip = np.sqrt(ux * ux + uy * uy + uz * uz)
-        limit = friction * depth
-        held = np.float32(1.0) if slip <= limit else limit / slip
-        ux = depth * nx - held * ux
-        uy = depth * ny - held * uy
-        uz = depth * nz - held * uz
-        x[p, 0] += ux
-        x[p, 1] += uy
-        x[p, 2] += uz
-        vx = v[p, 0] + ux * rate
-        vy = v[p, 1] + uy * rate
-        vz = v[p, 2] + uz * rate
-        leaving = (vx - rx * rate) * nx + (vy - ry * rate) * ny + (vz - rz * rate) * nz
-        leaving = max(leaving, zero)
-        v[p, 0] = vx - leaving * nx
-        v[p, 1] = vy - leaving * ny
-        v[p, 2] = vz - leaving * nz
+        nx = normal[p, 0]
+        ny = normal[p, 1]
+        nz = normal[p, 2]
+        rx = ride[p, 0]
+        ry = ride[p, 1]
+        rz = ride[p, 2]
+        depth = (
+            (place[p, 0] + rx - x[p, 0]) * nx
+            + (place[p, 1] + ry - x[p, 1]) * ny
+            + (place[p, 2] + rz - x[p, 2]) * nz
+        ) - _SHALLOW * inner_radius[c]
+        if depth > zero:
+            _lift(x, v, x_start, p, depth, nx, ny, nz, rx, ry, rz, friction, rate)
+
+
+@kernel(forceinline=True)
+def _lift(x, v, x_start, p, depth, nx, ny, nz, rx, ry, rz, friction, rate):
+    """Moves particle p out by `depth` along n, with friction, at a surface that moves by r."""
+    zero = np.float32(0.0)
+    ux = x[p, 0] - x_start[p, 0] - rx
+    uy = x[p, 1] - x_start[p, 1] - ry
+    uz = x[p, 2] - x_start[p, 2] - rz
+    along = ux * nx + uy * ny + uz * nz
+    ux -= along * nx
+    uy -= along * ny
+    uz -= along * nz
+    slip = np.sqrt(ux * ux + uy * uy + uz * uz)
+    limit = friction * depth
+    held = np.float32(1.0) if slip <= limit else limit / slip
+    ux = depth * nx - held * ux
+    uy = depth * ny - held * uy
+    uz = depth * nz - held * uz
+    x[p, 0] += ux
+    x[p, 1] += uy
+    x[p, 2] += uz
+    vx = v[p, 0] + ux * rate
+    vy = v[p, 1] + uy * rate
+    vz = v[p, 2] + uz * rate
+    leaving = (vx - rx * rate) * nx + (vy - ry * rate) * ny + (vz - rz * rate) * nz
+    leaving = max(leaving, zero)
+    v[p, 0] = vx - leaving * nx
+    v[p, 1] = vy - leaving * ny
+    v[p, 2] = vz - leaving * nz
 
 
 @kernel(forceinline=True)

@@ -5,7 +5,7 @@ import numpy as np
 from garment_sim_ros.geometry.contact import collide_particles
 from garment_sim_ros.geometry.contact_shapes import pose_shapes
 from garment_sim_ros.geometry.contact_sweep import sweep
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.geometry.jit import exact_kernel, kernel
 from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.sim.kernels.attached import pull_attached
 from garment_sim_ros.sim.kernels.bending import bend
@@ -16,7 +16,12 @@ from garment_sim_ros.sim.kernels.in_parts import (
     solve_edges_in_parts,
 )
 from garment_sim_ros.sim.kernels.motion import carry_pins
-from garment_sim_ros.sim.kernels.planes import remember_planes, stop_at_contacts, touch_planes
+from garment_sim_ros.sim.kernels.planes import (
+    remember_planes,
+    return_to_planes,
+    stop_at_contacts,
+    touch_planes,
+)
 from garment_sim_ros.sim.sample_points import meet_between
 
 _SHORT = np.float32(6e-4)
@@ -62,12 +67,34 @@ def gain(x, v, x_predicted, rate):
         v[i] += (x[i] - x_predicted[i]) * rate
 
 
-@kernel(forceinline=True)
-def gain_apart(x, v, moved, rate):
-    """The same where the movement was kept apart, which is now added to the positions."""
+@exact_kernel()
+def coast(x, v, x_start, moved, low, push, keep, dt):
+    """The same as `fall`, but positions stay and the way is kept apart; flat arrays [3 n].
+
+    Args:
+        x: Positions [m].
+        v: Velocities, changed in place [m/s].
+        x_start: Output, the positions [m].
+        moved: Output, the way of the sub-step and what positions were short of before it [m].
+        low: That: what the last sub-step moved by less than positions can be rounded to [m].
+        push: Velocity that is added [m/s].
+        keep: Part of velocity that is kept.
+        dt: Sub-step [s].
+    """
     for i in range(v.size):
-        v[i] += moved[i] * rate
-        x[i] += moved[i]
+        x_start[i] = x[i]
+        v[i] = keep * v[i] + push[i]
+        moved[i] = dt * v[i] + low[i]
+
+
+@exact_kernel()
+def arrive(x, v, moved, low, dt, rate):
+    """The end of a sub-step that began with `coast`: velocities, positions and what they lack."""
+    for i in range(v.size):
+        v[i] += (moved[i] - (dt * v[i] + low[i])) * rate
+        rounded = x[i] + moved[i]
+        low[i] = moved[i] - (rounded - x[i])
+        x[i] = rounded
 
 
 @kernel()
@@ -77,6 +104,7 @@ def run_sub_steps(
     free,
     x_start,
     x_predicted,
+    low,
     cloth,
     parts,
     attached,
@@ -116,6 +144,7 @@ def run_sub_steps(
         free: Number of free particles, the first ones.
         x_start: Scratch, shape [n, 3].
         x_predicted: Scratch, shape [n, 3].
+        low: What positions are short of by rounding [m], shape [3 free].
         cloth: `solvers.xpbd.Prepared` edges and hinges.
         parts: `solvers.xpbd.Parts` of them for several threads; None for one thread.
         attached: `attached.Attached`.
@@ -154,6 +183,7 @@ def run_sub_steps(
     """
     from_position, from_orientation, to_position, to_orientation, scratch = between
     flat = x.reshape(-1)
+    moved = x_predicted.reshape(-1)
     loose = 3 * free
     touching = 0
     # Written so that a motion that is not known counts as none.
@@ -165,6 +195,8 @@ def run_sub_steps(
     known = np.array_equal(x, x_end) and same_poses(
         start[0], start[1], to_position, to_orientation
     )
+    if hurried or not known:
+        low[:] = np.float32(0.0)
     to_position[:] = start[0]
     to_orientation[:] = start[1]
     x_search, search_position, search_orientation, since = last_search
@@ -212,15 +244,28 @@ def run_sub_steps(
                 np.float32(1.0 / bending_every),
                 push,
             )
-        fall(
-            flat[:loose],
-            v.reshape(-1)[:loose],
-            x_start.reshape(-1)[:loose],
-            x_predicted.reshape(-1)[:loose],
-            push,
-            keep,
-            dt,
-        )
+        if hurried:
+            fall(
+                flat[:loose],
+                v.reshape(-1)[:loose],
+                x_start.reshape(-1)[:loose],
+                x_predicted.reshape(-1)[:loose],
+                push,
+                keep,
+                dt,
+            )
+        else:
+            moved[loose:] = np.float32(0.0)
+            coast(
+                flat[:loose],
+                v.reshape(-1)[:loose],
+                x_start.reshape(-1)[:loose],
+                moved[:loose],
+                low,
+                push,
+                keep,
+                dt,
+            )
         if points is not None:
             x_start[free:] = x[free:]
         carry_pins(
@@ -238,8 +283,6 @@ def run_sub_steps(
                 np.float32(1.0) / dt,
             )
         else:
-            moved = x_predicted.reshape(-1)
-            moved[:] = np.float32(0.0)
             cloth.pull[:] = np.float32(0.0)
             for _ in range(iterations):
                 alone = iterations == 1
@@ -250,7 +293,14 @@ def run_sub_steps(
                     solve_edges_apart_in_parts(
                         flat, moved, cloth.edge_particles, edges, pulls, alone, parts.edges
                     )
-            gain_apart(flat[:loose], v.reshape(-1)[:loose], moved[:loose], np.float32(1.0) / dt)
+            arrive(
+                flat[:loose],
+                v.reshape(-1)[:loose],
+                moved[:loose],
+                low,
+                dt,
+                np.float32(1.0) / dt,
+            )
         pull_attached(
             x,
             v,
@@ -277,6 +327,20 @@ def run_sub_steps(
                 dt,
             )
             continue
+        if s > 0 or known:
+            return_to_planes(
+                x[:free],
+                v[:free],
+                x_start[:free],
+                contacts.shape,
+                contacts.normal,
+                contacts.depth,
+                place,
+                ride,
+                way.inner_radius,
+                friction,
+                dt,
+            )
         pose_shapes(
             shapes,
             search_position,

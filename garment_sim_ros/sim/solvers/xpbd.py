@@ -84,6 +84,7 @@ class XpbdWorkspace(Workspace):
         place: Points of the planes in which particles touch shapes [m], shape [free, 3].
         ride: How far those move in a sub-step [m], shape [free, 3].
         x_end: Positions at the end of the last step [m], shape [n, 3].
+        low: What these are short of by rounding [m], shape [3 free].
         push_all: Velocity that outer forces and bending add in a sub-step [m/s], shape [3 free].
         between: Poses at the start and end of one sub-step; None until colliders are known.
         last_search: Positions of particles and poses of colliders at the last search for contacts,
@@ -101,6 +102,7 @@ class XpbdWorkspace(Workspace):
     place: SingleArray
     ride: SingleArray
     x_end: SingleArray
+    low: SingleArray
     push_all: SingleArray
     between: tuple[Any, ...] | None
     last_search: tuple[Any, ...] | None
@@ -145,6 +147,7 @@ class XpbdWorkspace(Workspace):
             place=np.zeros((model.free_count, 3), np.float32),
             ride=np.zeros((model.free_count, 3), np.float32),
             x_end=np.full((len(model), 3), np.nan, np.float32),
+            low=np.zeros(3 * model.free_count, np.float32),
             push_all=np.zeros(3 * model.free_count, np.float32),
             between=None,
             last_search=None,
@@ -234,6 +237,7 @@ def step(
         model.free_count,
         workspace.x_start,
         workspace.x_predicted,
+        workspace.low,
         workspace.prepared,
         parts,
         workspace.attached,
