@@ -154,6 +154,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
                 "particles_recovered": sum(h.recovered for h in health),
                 "particles_held": sum(h.held for h in health),
                 "teleports": stepper.teleports,
+                "outran_cloth": stepper.simulation.outran,
                 "skipped_s": stepper.skipped / SECOND,
                 "input_period_ms": 1e3 * stepper.period / SECOND,
                 "solver_steps": stepper.steps,

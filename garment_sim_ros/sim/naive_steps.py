@@ -132,7 +132,7 @@ def xpbd_step(
     f, x, v = piece.free, piece.x, piece.v
     keep = 1.0 / (1.0 + dt * piece.damping)
     planes: dict[int, tuple[FloatArray, FloatArray]] = {}
-    radius = float(piece.sphere.geometry["radius"])
+    radius = float(piece.sphere.geometry["radius"])  # type: ignore[arg-type]
     for s in range(count):
         if s % every == 0:
             long = every * dt
