@@ -4,11 +4,11 @@
     python bench/work_precision.py --fabric weave
 
 A cloth of 1 m x 1 m, 50 x 50 vertices, hangs by one side, is let go from a slope and swings for
-30 frames of 1/60 s. It is of a preset fabric (with `weave` that of `bench/drape.py`). Its vertices
-are compared with those of a reference in every frame: `xpbd` with 960 sub-steps a frame. Error is the
-root mean square distance over vertices and frames; another reference, `implicit` with 32 sub-steps
-of 20 iterations, tells how good that is. Work is processor time per frame over F, three plain C
-sweeps over the cloth's springs, timed in turns with the frames.
+30 frames of 1/60 s. It is of a preset fabric, or of that of `bench/drape.py` (`weave`). Its
+vertices are compared with those of a reference in every frame: `xpbd` with 960 sub-steps a frame.
+Error is the root mean square distance over vertices and frames; another reference, `implicit` with
+32 sub-steps of 20 iterations, tells how good that is. Work is processor time per frame over F,
+three plain C sweeps over the cloth's springs, timed in turns with the frames.
 """
 
 import argparse
