@@ -44,7 +44,7 @@ MATERIAL = Material(
     damping=4.0,
     friction=0.3,
 )
-"""A stiff weave. Damping as of air: it lets the sheet, fallen flat, reach 2.5 m/s; drag 1.8 m/s."""
+"""A stiff weave. Damping as of air: falling flat it reaches 2.5 m/s (1.8 m/s by drag)."""
 
 
 def cloth(pins: tuple[int, ...] = (), tethers: float | None = None) -> Garment:

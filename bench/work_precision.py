@@ -131,7 +131,7 @@ def draw(measured: dict[str, dict[str, dict[str, float]]], doubt: float, path: P
                     pen.line((left, y, left + size[0], y), (222, 222, 218))
                     pen.text((left - 6, y), f"{value:g}", ink, font, anchor="rm")
     pen.text((left + size[0] / 2, top + size[1] + 24), "work per frame, F", ink, font, anchor="ma")
-    pen.text((left + 6, top + 4), "error, mm", ink, font)
+    pen.text((left + size[0] / 2, top + 4), "error, mm", ink, font, anchor="ma")
     for name, value in (("5 mm", 5.0), ("the references differ", doubt)):
         y = at(1.0, value)[1]
         pen.line((left, y, left + size[0], y), ink)
