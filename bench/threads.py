@@ -89,7 +89,10 @@ def frames(solver: str, side: int, threads: int) -> Pair:
 
 
 def compared(pair: Pair, rounds: int, first: bool) -> dict[str, float]:
-    """Wall time of both in turns; then processor time, since an idle thread spins for a while."""
+    """Wall time of both in turns; then processor time of each.
+
+    That of the caller alone where it works alone: others still spin for a while when they idle.
+    """
     wall, cpu = np.zeros((rounds, 2)), np.zeros(2)
     for run in pair:
         run()
@@ -99,12 +102,11 @@ def compared(pair: Pair, rounds: int, first: bool) -> dict[str, float]:
                 begin = time.perf_counter()
                 run()
                 row[k] = time.perf_counter() - begin
-        for k, run in enumerate(pair):
-            time.sleep(0.05)
-            begin = time.process_time()
+        for k, clock in enumerate((time.thread_time, time.process_time)):
+            begin = clock()
             for _ in range(rounds):
-                run()
-            cpu[k] = time.process_time() - begin
+                pair[k]()
+            cpu[k] = clock() - begin
     return {
         "ms": round(1e3 * float(np.median(wall[:, 0])), 3),
         "gain": round(float(np.median(wall[:, 0] / wall[:, 1])), 2),
