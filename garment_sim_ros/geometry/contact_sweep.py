@@ -9,9 +9,11 @@ it came in, and rides on from there: an impact is inelastic in every direction, 
 off a thin limb before its neighbours are moving. Contact then does the rest. All that this asks of
 a shape is a distance.
 
-Only pairs are followed that moved past each other by more than a part of the shape's own inner
-radius in the step. Whether there are any is known from the shapes' motion and a bound for each
-block of particles, so that steps without fast limbs cost next to nothing.
+Only pairs are followed where the shape moved by more than a part of its own inner radius in the
+step, or the particle would have, coasting at its speed past the shape. What only its neighbours
+pull through a slow shape was on the wrong side of it: stopped, it would stay there, and stretched,
+for good. Whether there are such pairs is known from the shapes' motion and a bound for each block
+of particles, so that steps without fast limbs cost next to nothing.
 """
 
 from collections.abc import Mapping
@@ -120,7 +122,7 @@ def _enters(shapes, posed, k, qx, qy, qz, rx, ry, rz, length, inner, thickness):
 
 
 @lean_kernel(forceinline=True)
-def sweep(shapes, posed, side, way, x, x_start, thickness):
+def sweep(shapes, posed, side, way, x, x_start, x_coast, thickness):
     """Stops particles where they entered a shape that they, or it, would pass through.
 
     Args:
@@ -130,6 +132,7 @@ def sweep(shapes, posed, side, way, x, x_start, thickness):
         way: See `Sweep`.
         x: Proposed positions, corrected in place [m], shape [n, 3].
         x_start: Where the particles came from [m], shape [n, 3].
+        x_coast: Where they would be if their neighbours did not pull at them [m], shape [n, 3].
         thickness: Distance to keep from the surfaces [m].
 
     Returns:
@@ -140,9 +143,9 @@ def sweep(shapes, posed, side, way, x, x_start, thickness):
     shapes_count = posed.box.shape[0]
     squared = zero
     for p in range(x.shape[0]):
-        ux = x[p, 0] - x_start[p, 0]
-        uy = x[p, 1] - x_start[p, 1]
-        uz = x[p, 2] - x_start[p, 2]
+        ux = x_coast[p, 0] - x_start[p, 0]
+        uy = x_coast[p, 1] - x_start[p, 1]
+        uz = x_coast[p, 2] - x_start[p, 2]
         squared = max(squared, ux * ux + uy * uy + uz * uz)
     fastest = np.sqrt(squared)
     count = 0
@@ -180,15 +183,16 @@ def sweep(shapes, posed, side, way, x, x_start, thickness):
         for p in range(begin, end):
             px, py, pz = x[p, 0], x[p, 1], x[p, 2]
             qx, qy, qz = x_start[p, 0], x_start[p, 1], x_start[p, 2]
+            fx, fy, fz = x_coast[p, 0] - qx, x_coast[p, 1] - qy, x_coast[p, 2] - qz
             ax, bx = min(ax, px), max(bx, px)
             ay, by = min(ay, py), max(by, py)
             az, bz = min(az, pz), max(bz, pz)
             mx, sx = min(mx, qx), max(sx, qx)
             my, sy = min(my, qy), max(sy, qy)
             mz, sz = min(mz, qz), max(sz, qz)
-            lx, hx = min(lx, px - qx), max(hx, px - qx)
-            ly, hy = min(ly, py - qy), max(hy, py - qy)
-            lz, hz = min(lz, pz - qz), max(hz, pz - qz)
+            lx, hx = min(lx, fx), max(hx, fx)
+            ly, hy = min(ly, fy), max(hy, fy)
+            lz, hz = min(lz, fz), max(hz, fz)
         cx = half * (mx + sx)
         cy = half * (my + sy)
         cz = half * (mz + sz)
@@ -219,11 +223,9 @@ def sweep(shapes, posed, side, way, x, x_start, thickness):
             uy = max(hy - wy, wy - ly)
             uz = max(hz - wz, wz - lz)
             margin = thickness + slack
+            far = max(ux * ux + uy * uy + uz * uz, wx * wx + wy * wy + wz * wz)
             here = (
-                (
-                    np.sqrt(ux * ux + uy * uy + uz * uz) + slack
-                    > np.float32(_SHORT) * (way.inner_radius[k] + thickness)
-                )
+                (np.sqrt(far) + slack > np.float32(_SHORT) * (way.inner_radius[k] + thickness))
                 & (posed.box[k, 0] - margin <= max(bx, sx + wx))
                 & (posed.box[k, 3] + margin >= min(ax, mx + wx))
                 & (posed.box[k, 1] - margin <= max(by, sy + wy))
@@ -236,12 +238,14 @@ def sweep(shapes, posed, side, way, x, x_start, thickness):
         if near == 0:
             continue
         for p in range(begin, end):
-            stopped += _stop(shapes, posed, side, way, x, x_start, thickness, first, near, p)
+            stopped += _stop(
+                shapes, posed, side, way, x, x_start, x_coast, thickness, first, near, p
+            )
     return stopped
 
 
 @lean_kernel()
-def _stop(shapes, posed, side, way, x, x_start, thickness, first, count, p):
+def _stop(shapes, posed, side, way, x, x_start, x_coast, thickness, first, count, p):
     """Stops particle p at the earliest entry into one of the shapes found; 1 if there is one."""
     one = np.float32(1.0)
     zero = np.float32(0.0)
@@ -282,7 +286,10 @@ def _stop(shapes, posed, side, way, x, x_start, thickness, first, count, p):
             length = np.sqrt(ux * ux + uy * uy + uz * uz)
             inner = way.inner_radius[k] + thickness
             short = np.float32(_SHORT) * inner
-            if not length > short:
+            wx, wy, wz = qx - sx, qy - sy, qz - sz
+            fx, fy, fz = x_coast[p, 0] - qx, x_coast[p, 1] - qy, x_coast[p, 2] - qz
+            far = max(wx * wx + wy * wy + wz * wz, fx * fx + fy * fy + fz * fz)
+            if not (length > short and far > short * short):
                 continue
             t, mx, my, mz = _enters(
                 shapes, posed, k, qx, qy, qz, ux, uy, uz, length, inner, thickness

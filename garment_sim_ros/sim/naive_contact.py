@@ -50,9 +50,13 @@ def sweep(
     is_under: NDArray[np.bool_],
     x: FloatArray,
     x_start: FloatArray,
+    x_coast: FloatArray,
     thickness: float,
 ) -> FloatArray:
-    """Positions [n, 3] of particles that no shape under them [m, n] has passed."""
+    """Positions [n, 3] of particles that no shape under them [m, n] has passed.
+
+    Nothing is said of pairs where neither the shape nor the particle, by itself, is fast.
+    """
     x = np.array(x, dtype=np.float64)
     for p, start in enumerate(np.asarray(x_start, np.float64)):
         last = -1
@@ -63,7 +67,12 @@ def sweep(
                 way = x[p] - begin
                 length = float(np.linalg.norm(way))
                 inner = float(inner_radius[k]) + thickness
-                if k == last or not is_under[k, p] or length <= 0.5 * inner:
+                rode, coasted = np.linalg.norm([begin - start, x_coast[p] - begin], axis=1)
+                if (
+                    k == last
+                    or not is_under[k, p]
+                    or min(length, max(rode, coasted)) <= 0.5 * inner
+                ):
                     continue
                 found = entry(shape, begin, way, inner, thickness)
                 if found and (1.0 - found[0]) * length > 0.5 * inner:

@@ -31,6 +31,7 @@ class SamplePoints(NamedTuple):
         share: How far each of them goes where the point shall go 1, shape [s, 3].
         x: Scratch: positions [m], shape [s, 3].
         x_start: Scratch: positions at the start of the step [m], shape [s, 3].
+        x_coast: Scratch: positions that they would coast to [m], shape [s, 3].
         contacts: Their contacts.
         sides: On which side of them the shapes are.
     """
@@ -40,6 +41,7 @@ class SamplePoints(NamedTuple):
     share: SingleArray
     x: SingleArray
     x_start: SingleArray
+    x_coast: SingleArray
     contacts: Contacts
     sides: Sides
 
@@ -84,6 +86,7 @@ class SamplePoints(NamedTuple):
             share=np.ascontiguousarray(share, np.float32),
             x=shape,
             x_start=shape.copy(),
+            x_coast=shape.copy(),
             contacts=Contacts.room_for(len(corner), m),
             sides=Sides.of(np.arange(len(corner), dtype=np.int32), rows),
         )
@@ -101,7 +104,7 @@ def place_points(corner, weight, x, out):
 
 @kernel(forceinline=True)
 def meet_between(
-    shapes, posed, points, x, x_start, since, x_since, way, thickness, friction, contacts
+    shapes, posed, points, x, x_start, since, x_since, x_coast, way, thickness, friction, contacts
 ):
     """Moves particles so that points between them are out of all shapes.
 
@@ -117,6 +120,7 @@ def meet_between(
         x_start: Positions at the start of the step [m], shape [n, 3].
         since: The shapes with their way since a time before, see `sweep`.
         x_since: Positions at that time [m], shape [n, 3].
+        x_coast: Where particles would have coasted from there, see `sweep` [m], shape [n, 3].
         way: See `Sweep`.
         thickness: Distance to keep from the surfaces [m].
         friction: Coulomb coefficient.
@@ -125,7 +129,10 @@ def meet_between(
     corner, weight, share = points.corner, points.weight, points.share
     place_points(corner, weight, x, points.x)
     place_points(corner, weight, x_since, points.x_start)
-    sweep(shapes, since, points.sides.side, way, points.x, points.x_start, thickness)
+    place_points(corner, weight, x_coast, points.x_coast)
+    sweep(
+        shapes, since, points.sides.side, way, points.x, points.x_start, points.x_coast, thickness
+    )
     place_points(corner, weight, x_start, points.x_start)
     found = points.contacts
     if not collide_particles(

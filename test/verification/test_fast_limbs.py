@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from garment_sim_ros.geometry.distance_grid import DistanceGrid
 from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
 from garment_sim_ros.sim.simulation import Simulation
 
@@ -19,6 +20,13 @@ def limb(kind):
         geometry = {"radius": RADIUS}
     elif kind == "ellipsoid":
         geometry = {"radii": [RADIUS, RADIUS, 3.0]}
+    elif kind == "sdf":
+        cell, shape = 0.008, np.array([13, 13, 113])
+        at = np.abs(cell * (np.indices(shape).reshape(3, -1).T - (shape - 1) / 2))
+        beyond = np.stack([np.hypot(at[:, 0], at[:, 1]) - RADIUS, at[:, 2] - LENGTH / 2])
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=0)
+        distance = outside + np.minimum(beyond.max(axis=0), 0.0)
+        geometry = DistanceGrid.sampled(cell, distance.reshape(shape)).geometry()
     else:
         mesh = trimesh.creation.cylinder(radius=RADIUS, height=LENGTH, sections=12)
         geometry = {"vertices": mesh.vertices.tolist(), "faces": mesh.faces.tolist()}
@@ -46,6 +54,26 @@ def layers_ahead(x, triangles, at, y):
     return int((met > at).sum())
 
 
+def wound(x, at, column):
+    """Angle by which a column of the curtain goes round the limb's axis, from its pin down."""
+    x, _, z = x.reshape(24, 16, 3)[:, column].T
+    angle = np.diff(np.arctan2(z, x - at))
+    return float(((angle + np.pi) % (2.0 * np.pi) - np.pi).sum())
+
+
+def curtain(cloth, kind, solver, step):
+    """A curtain in the plane of y and z, and a limb along y."""
+    vertices, triangles = cloth.grid(24, 16, 0.025)
+    hung = np.stack([0.0 * vertices[:, 0], vertices[:, 1], -vertices[:, 0]], axis=1)
+    simulation = Simulation(
+        (cloth.garment(hung, triangles, pins=range(16), friction=0.3),),
+        cloth.colliders(limb(kind)),
+        solver=solver,
+        solver_step=step,
+    )
+    return simulation, triangles
+
+
 @pytest.mark.parametrize(
     ("kind", "solver", "step"),
     [
@@ -61,14 +89,7 @@ def layers_ahead(x, triangles, at, y):
 )
 def test_a_fast_limb_does_not_pass_through_a_curtain(cloth, kind, solver, step):
     """It meets the curtain and takes it along: there is cloth in front of it, never behind."""
-    vertices, triangles = cloth.grid(24, 16, 0.025)
-    hung = np.stack([0.0 * vertices[:, 0], vertices[:, 1], -vertices[:, 0]], axis=1)
-    simulation = Simulation(
-        (cloth.garment(hung, triangles, pins=range(16), friction=0.3),),
-        cloth.colliders(limb(kind)),
-        solver=solver,
-        solver_step=step,
-    )
+    simulation, triangles = curtain(cloth, kind, solver, step)
     at = -0.2
     across = (0.0013,) if kind == "sphere" else (-0.1013, 0.0013, 0.1013)
     for _ in range(round(0.05 / step)):
@@ -77,4 +98,50 @@ def test_a_fast_limb_does_not_pass_through_a_curtain(cloth, kind, solver, step):
         x = simulation.positions("cloth")
         assert all(layers_ahead(x, triangles, at, y) % 2 == 1 for y in across)
     assert at > 0.29
+    assert simulation.health("cloth").resets == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["capsule", "hull", "sdf"])
+@pytest.mark.parametrize(
+    ("solver", "step"), [("implicit", STEP), ("implicit", 1 / 30), ("xpbd", STEP)]
+)
+def test_a_limb_that_a_frame_of_30_hz_puts_behind_the_curtain_took_it_along(
+    cloth, kind, solver, step
+):
+    """The limb then stands still: the curtain lies over it and swings on, or comes round."""
+    simulation, _ = curtain(cloth, kind, solver, step)
+    start, end = poses(kind, -0.2), poses(kind, -0.2 + SPEED / 30)
+    simulation.reset(start)
+    for _ in range(6):
+        simulation.advance(start, end, 1 / 30)
+        start = end
+        # Behind the limb it would go round it the other way, by some 130 degrees.
+        x = simulation.positions("cloth")
+        assert max(wound(x, end.position[1, 0], k) for k in (4, 8, 11)) < np.radians(60.0)
+    assert simulation.health("cloth").resets == 0
+
+
+@pytest.mark.parametrize(
+    "solver", ["relaxation", "xpbd", pytest.param("implicit", marks=pytest.mark.slow)]
+)
+def test_what_is_behind_a_slow_limb_is_pulled_back(cloth, solver):
+    """A few particles that an armpit spat out behind the arm are not kept there, stretched."""
+    vertices, triangles = cloth.grid(12, 8, 0.025)
+    hung = np.stack([0.0 * vertices[:, 0] + 0.04, vertices[:, 1], -vertices[:, 0]], axis=1)
+    simulation = Simulation(
+        (cloth.garment(hung, triangles, pins=[*range(8), *range(88, 96)]),),
+        cloth.colliders(limb("capsule")),
+        solver=solver,
+        solver_step=STEP,
+    )
+    at = poses("capsule", 0.0)
+    at.position[1, 2] = -0.0125
+    simulation.reset(at)
+    state, model = simulation.state("cloth"), simulation.model("cloth")
+    spat = np.isin(model.vertex, 8 * np.array([[5], [6], [7]]) + np.arange(2, 6))
+    state.x[spat, 0] = -0.035 - simulation.origin[0]
+    for _ in range(10):
+        simulation.advance(at, at, 1 / 60)
+    assert simulation.positions("cloth")[:, 0].min() > 0.0
     assert simulation.health("cloth").resets == 0

@@ -52,6 +52,14 @@ def fall(x, v, x_start, x_predicted, push, keep, dt):
 
 
 @kernel(forceinline=True)
+def coast(x, v, time, x_coast):
+    """Where particles get in some time [s] if nothing acts on them; arrays [n, 3]."""
+    for p in range(x.shape[0]):
+        for k in range(3):
+            x_coast[p, k] = x[p, k] + time * v[p, k]
+
+
+@kernel(forceinline=True)
 def share_out(bent, v, pull, share, push):
     """Velocity that outer forces and bending add in each sub-step; flat arrays [3 n], pull [3]."""
     for p in range(v.size // 3):
@@ -155,8 +163,9 @@ def run_sub_steps(
         end: The same at the end.
         between: Scratch, two such pairs and a [3, 3, 3] array; the second pair is still that of
             the end of the last step.
-        last_search: Scratch: positions of all particles at the last search for contacts, shape
-            [n, 3], poses of all colliders then, and shapes posed for the time since then.
+        last_search: Scratch: positions of all particles at the last search for contacts, and those
+            that they coast to until the next one, shape [n, 3]; poses of all colliders then, and
+            shapes posed for the time since then.
         x_end: Positions at the end of the last step, changed in place [m], shape [n, 3].
         origin: World position of the local origin [m], shape [3].
         posed: Scratch: shapes posed for a sub-step.
@@ -199,8 +208,9 @@ def run_sub_steps(
         low[:] = np.float32(0.0)
     to_position[:] = start[0]
     to_orientation[:] = start[1]
-    x_search, search_position, search_orientation, since = last_search
+    x_search, x_coast, search_position, search_orientation, since = last_search
     x_search[:] = x
+    coast(x_search, v, dt * np.float32(bending_every), x_coast)
     search_position[:] = start[0]
     search_orientation[:] = start[1]
     for s in range(count):
@@ -351,7 +361,7 @@ def run_sub_steps(
             scratch,
             since,
         )
-        sweep(shapes, since, sides.side, way, x[:free], x_search[:free], thickness)
+        sweep(shapes, since, sides.side, way, x[:free], x_search[:free], x_coast[:free], thickness)
         x_predicted[:free] = x[:free]
         touching = collide_particles(
             shapes, posed, sides, x[:free], x_start[:free], thickness, friction, contacts
@@ -365,6 +375,7 @@ def run_sub_steps(
                 x_start,
                 since,
                 x_search,
+                x_coast,
                 way,
                 thickness,
                 friction,
@@ -385,6 +396,7 @@ def run_sub_steps(
         )
         remember_planes(x[:free], x_start[:free], contacts.shape, posed.carry, place, ride)
         x_search[:] = x
+        coast(x_search, v, dt * np.float32(bending_every), x_coast)
         search_position[:] = to_position
         search_orientation[:] = to_orientation
     x_end[:] = x

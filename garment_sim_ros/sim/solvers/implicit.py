@@ -49,8 +49,9 @@ def _stop_the_fast(
     colliders: ColliderState, state: State, workspace: ImplicitWorkspace, thickness: float
 ) -> int:
     """Stops free particles where they would pass through a shape, see `contact_sweep.sweep`."""
-    free, before = len(workspace.share), workspace.cloth.clear
+    free, before, coast = len(workspace.share), workspace.cloth.clear, workspace.coast
     before[:] = state.x
+    np.add(state.x, workspace.x_predicted, out=coast)
     stopped = sweep(
         colliders.shapes,
         colliders.posed,
@@ -58,6 +59,7 @@ def _stop_the_fast(
         colliders.sweep,
         state.x[:free],
         workspace.x_start[:free],
+        coast[:free],
         np.float32(thickness),
     )
     if stopped:
@@ -175,6 +177,7 @@ def step(
                     x_start,
                     colliders.posed,
                     x_start,
+                    workspace.coast,
                     colliders.sweep,
                     np.float32(thickness + lift),
                     np.float32(0.0),

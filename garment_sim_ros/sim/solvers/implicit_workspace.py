@@ -248,6 +248,7 @@ class ImplicitWorkspace(Workspace):
         past: Steps of the minimisation.
         ties: Soft attachments; None before the first step.
         share: See `predict_with_share`, shape [free].
+        coast: Where particles would be without inner forces [m], shape [n, 3].
         pull: Sum of the matrix's stiffnesses at each free particle [N/m], shape [free].
         prepared_for: The sub-step [s] and rate of damping [1/s] that the matrix is for.
         between: Poses at the start and end of the last sub-step; None before the first.
@@ -260,6 +261,7 @@ class ImplicitWorkspace(Workspace):
     past: Past
     ties: Ties | None
     share: SingleArray
+    coast: SingleArray
     pull: FloatArray
     prepared_for: tuple[float, float]
     between: tuple[ColliderPoses, ColliderPoses] | None
@@ -331,6 +333,7 @@ class ImplicitWorkspace(Workspace):
             past=Past.room_for(n),
             ties=None,
             share=np.ones(n, np.float32),
+            coast=np.zeros((len(model), 3), np.float32),
             pull=pull[:n],
             prepared_for=(0.0, 0.0),
             between=None,

@@ -66,6 +66,8 @@ def step(
         colliders.origin,
         h,
     )
+    if points is not None:
+        workspace.x_predicted[free:] = state.x[free:]
 
     springs, settings = model.springs, params.settings
     arrays = (state.x.reshape(-1), springs.particles, springs.rest_length, springs.share)
@@ -117,6 +119,7 @@ def step(
             colliders.sweep,
             x,
             x_start,
+            x_predicted,
             np.float32(thickness),
         )
         workspace.contact_count = collide(
@@ -138,6 +141,7 @@ def step(
                 workspace.x_start,
                 colliders.posed,
                 workspace.x_start,
+                workspace.x_predicted,
                 colliders.sweep,
                 np.float32(thickness),
                 np.float32(material.friction),

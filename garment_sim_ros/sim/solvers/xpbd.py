@@ -87,8 +87,9 @@ class XpbdWorkspace(Workspace):
         low: What these are short of by rounding [m], shape [3 free].
         push_all: Velocity that outer forces and bending add in a sub-step [m/s], shape [3 free].
         between: Poses at the start and end of one sub-step; None until colliders are known.
-        last_search: Positions of particles and poses of colliders at the last search for contacts,
-            and the shapes posed for the time since then; None until colliders are known.
+        last_search: Positions of particles at the last search for contacts, where they would
+            coast to, poses of colliders then, and the shapes posed for the time since; None until
+            colliders are known.
     """
 
     rest_squared: FloatArray
@@ -219,9 +220,10 @@ def step(
         a, b = colliders.start.copy(), ColliderPoses.identity(len(colliders.start.position))
         scratch = np.zeros((3, 3, 3))
         workspace.between = (a.position, a.orientation, b.position, b.orientation, scratch)
-        c, x = colliders.start.copy(), np.zeros((len(model), 3), np.float32)
+        c = colliders.start.copy()
+        x, coast = np.zeros((2, len(model), 3), np.float32)
         posed = PosedShapes.room_for(colliders.shapes)
-        workspace.last_search = (x, c.position, c.orientation, posed)
+        workspace.last_search = (x, coast, c.position, c.orientation, posed)
 
     keep = 1.0 / (1.0 + h * rate)
     for k in range(3):
