@@ -114,6 +114,14 @@ def carry_pins(x, v, pin_collider, pin_position, position, orientation, origin, 
             x[p, k] = new
 
 
+@kernel(forceinline=True)
+def glide(x, v, time, x_coast):
+    """Where particles get in some time [s] if nothing acts on them; arrays [n, 3]."""
+    for p in range(x.shape[0]):
+        for k in range(3):
+            x_coast[p, k] = x[p, k] + time * v[p, k]
+
+
 @kernel()
 def shift(x, offset):
     """Adds `offset` [3] to all positions [n, 3]: a change of the local origin."""

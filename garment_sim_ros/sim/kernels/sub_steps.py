@@ -15,7 +15,7 @@ from garment_sim_ros.sim.kernels.in_parts import (
     solve_edges_apart_in_parts,
     solve_edges_in_parts,
 )
-from garment_sim_ros.sim.kernels.motion import carry_pins
+from garment_sim_ros.sim.kernels.motion import carry_pins, glide
 from garment_sim_ros.sim.kernels.planes import (
     remember_planes,
     return_to_planes,
@@ -49,14 +49,6 @@ def fall(x, v, x_start, x_predicted, push, keep, dt):
         v[i] = keep * v[i] + push[i]
         x[i] += dt * v[i]
         x_predicted[i] = x[i]
-
-
-@kernel(forceinline=True)
-def coast(x, v, time, x_coast):
-    """Where particles get in some time [s] if nothing acts on them; arrays [n, 3]."""
-    for p in range(x.shape[0]):
-        for k in range(3):
-            x_coast[p, k] = x[p, k] + time * v[p, k]
 
 
 @kernel(forceinline=True)
@@ -210,7 +202,7 @@ def run_sub_steps(
     to_orientation[:] = start[1]
     x_search, x_coast, search_position, search_orientation, since = last_search
     x_search[:] = x
-    coast(x_search, v, dt * np.float32(bending_every), x_coast)
+    glide(x_search, v, dt * np.float32(bending_every), x_coast)
     search_position[:] = start[0]
     search_orientation[:] = start[1]
     for s in range(count):
@@ -396,7 +388,7 @@ def run_sub_steps(
         )
         remember_planes(x[:free], x_start[:free], contacts.shape, posed.carry, place, ride)
         x_search[:] = x
-        coast(x_search, v, dt * np.float32(bending_every), x_coast)
+        glide(x_search, v, dt * np.float32(bending_every), x_coast)
         search_position[:] = to_position
         search_orientation[:] = to_orientation
     x_end[:] = x
