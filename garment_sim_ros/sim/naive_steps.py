@@ -132,6 +132,7 @@ def xpbd_step(
     f, x, v = piece.free, piece.x, piece.v
     keep = 1.0 / (1.0 + dt * piece.damping)
     planes: dict[int, tuple[FloatArray, FloatArray]] = {}
+    grip = piece.friction if f < len(x) else 0.0
     radius = float(piece.sphere.geometry["radius"])  # type: ignore[arg-type]
     for s in range(count):
         if s % every == 0:
@@ -162,7 +163,7 @@ def xpbd_step(
         if s > 0:
             for p, (place, normal) in planes.items():
                 x[p], v[p] = return_to_plane(
-                    x[p], v[p], x_start[p], place + ride, ride, normal, radius, piece.friction, dt
+                    x[p], v[p], x_start[p], place + ride, ride, normal, radius, grip, dt
                 )
         before = x.copy()
         found = piece.meet(x_start, ride, (s + 1) / count)

@@ -7,7 +7,8 @@ particle that slides lifts off by a few micrometres, and the next search puts it
 
 A search moves particles out along the normal where they are. Pulled deep into a round shape, as by
 edges of a pin in it, that is not where they touched: what moves them out also moves them sideways,
-which is work from nowhere. They come back to their planes first.
+which is work from nowhere. They come back to their planes first; without friction in loose cloth,
+which is pulled so only where it began in a shape and has to get free of it.
 """
 
 import numpy as np

@@ -340,7 +340,7 @@ def run_sub_steps(
                 place,
                 ride,
                 way.inner_radius,
-                friction,
+                friction if free < x.shape[0] else np.float32(0.0),
                 dt,
             )
         pose_shapes(
