@@ -18,11 +18,14 @@ the user's cache directory or where ``NUMBA_CACHE_DIR`` says.
 import hashlib
 import os
 import shutil
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numba
 from numba import njit
+from numba.core.dispatcher import Dispatcher
 
 from garment_sim_ros.errors import ParameterError
 
@@ -78,6 +81,20 @@ exact_kernel = partial(njit, cache=True, nogil=True, error_model="numpy", fastma
 if numba.config.THREADING_LAYER == "default":  # type: ignore[attr-defined]
     # Two Python threads may call parallel kernels at once: not every layer allows that.
     numba.config.THREADING_LAYER = "threadsafe"  # type: ignore[attr-defined]
+
+
+def compiled(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
+    """The machine code of a kernel for arguments such as these, to be called many times.
+
+    To choose it by the types of a hundred arrays takes longer than many a kernel. It does not
+    look at its arguments: they must have exactly these types.
+    """
+    if not isinstance(function, Dispatcher):
+        return function  # Compilation is switched off.
+    types = tuple(numba.typeof(argument) for argument in arguments)
+    function.compile(types)
+    machine: Any = function.overloads[types]
+    return machine.entry_point
 
 
 def usable_threads(threads: int) -> int:

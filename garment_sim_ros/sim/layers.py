@@ -8,19 +8,29 @@ Only what is under the other garment at rest, or a little beyond its border, bel
 hem of a skirt that flies up over a shirt is not drawn under it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from garment_sim_ros.geometry.jit import compiled
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology
-from garment_sim_ros.sim.kernels.layers import find_triangles, separate, take_from_neighbours
+from garment_sim_ros.sim.kernels.layers import (
+    find_close,
+    find_triangles,
+    part,
+    separate,
+    take_from_neighbours,
+)
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.state import State
 
 IntArray = NDArray[np.int32]
+SingleArray = NDArray[np.float32]
 
 _REACH = 2.0
 """Particles look for triangles this far, in mean edge lengths of the coarser garment."""
@@ -29,29 +39,71 @@ _SPREAD_EVERY = 4
 """Steps between searches among all triangles, which find where garments begin to touch, and
 between looks at what neighbours have, which is how touching spreads."""
 
+_PARTING_SPEED = 0.1
+"""How fast garments that are through each other come apart [m/s]."""
 _BEYOND = 0.06
 """Particles of the inner garment that lie farther beyond the outer one's border at rest [m] have
 nothing to do with it."""
 
 
-@dataclass(kw_only=True)
-class _Side:
-    """The particles of one garment and the triangles of the other that they meet.
+class Meeting(NamedTuple):
+    """The particles of one garment and the triangles of another that they meet.
 
     Attributes:
-        edges: Edges of the particles' own mesh, shape [e, 2].
-        triangles: The other garment's triangles as its particles, shape [t, 3].
-        neighbour: Triangles across their edges, -1 at a border, shape [t, 3].
+        x: Positions of the particles [m], shape [n, 3].
+        v: Their velocities [m/s], shape [n, 3].
+        inverse_mass: Their inverse masses [1/kg], shape [n].
+        own: A triangle of their own at each, counter-clockwise from outside, shape [n, 3].
+        other_x: Positions of the other garment's particles [m], shape [m, 3].
+        other_v: Their velocities [m/s], shape [m, 3].
+        other_inverse_mass: Their inverse masses [1/kg], shape [m].
+        triangles: The other garment's triangles as its particles, counter-clockwise from outside,
+            shape [t, 3].
+        neighbour: Triangles across their edges ab, bc, ca, -1 at a border, shape [t, 3].
         near: Triangle that each particle is near to, -1 for none, shape [n].
-        apart: Particles that have nothing to do with the other garment.
-        start: Scratch of the search.
-        entry: Scratch of the search.
+        close: Particles that may touch until the next look, the first `found[0]`, shape [n].
+        plane: Normal of the triangle near to each of those, to its side, and the weights of the
+            last two corners at the closest point, shape [n, 5].
+        found: How many are close, and how many of them touched, shape [2].
+        side: 1 where the particles belong outside the other garment, -1 where inside.
+        thickness: Distance to keep [m].
+        friction: Coulomb coefficient.
+        reach: Particles farther away lose their triangle [m].
+        way: The farthest that they move apart at once [m], shape [1].
     """
 
-    edges: IntArray
+    x: SingleArray
+    v: SingleArray
+    inverse_mass: SingleArray
+    own: IntArray
+    other_x: SingleArray
+    other_v: SingleArray
+    other_inverse_mass: SingleArray
     triangles: IntArray
     neighbour: IntArray
     near: IntArray
+    close: IntArray
+    plane: SingleArray
+    found: IntArray
+    side: np.float32
+    thickness: np.float32
+    friction: np.float32
+    reach: np.float32
+    way: SingleArray
+
+
+@dataclass(kw_only=True)
+class _Search:
+    """What finding the triangles of a `Meeting` needs.
+
+    Attributes:
+        edges: Edges of the particles' own mesh, shape [e, 2].
+        apart: Particles that have nothing to do with the other garment.
+        start: Scratch.
+        entry: Scratch.
+    """
+
+    edges: IntArray
     apart: IntArray
     start: IntArray
     entry: IntArray
@@ -63,89 +115,133 @@ class LayerPair:
     Args:
         inner: The one under the other.
         outer: The one over it.
+        inner_state: Its motion, which stays in the same arrays.
+        outer_state: The same of the outer one.
     """
 
-    def __init__(self, inner: ClothModel, outer: ClothModel) -> None:
-        self._models = (inner, outer)
+    def __init__(
+        self, inner: ClothModel, outer: ClothModel, inner_state: State, outer_state: State
+    ) -> None:
         under = _is_under(inner, outer)
         everything = np.ones(len(outer), np.bool_)
-        self._of_inner = _side(inner, outer, under, everything)
-        self._of_outer = _side(outer, inner, everything, under)
-        self._reach = np.float32(_REACH * max(_edge_length(inner), _edge_length(outer)))
-        self._thickness = np.float32(0.5 * (inner.material.thickness + outer.material.thickness))
-        self._friction = np.float32(np.sqrt(inner.material.friction * outer.material.friction))
+        mine, other = (inner, inner_state), (outer, outer_state)
+        self._both_ways = (
+            _meeting(other, mine, 1.0, everything, under),
+            _meeting(mine, other, -1.0, under, everything),
+        )
+        self._meetings = (self._both_ways[0][0], self._both_ways[1][0])
+        self._code: tuple[Callable[..., None], Callable[..., None]] | None = None
+        self._still = np.zeros_like(inner.inverse_mass)
+        self._still.flags.writeable = False  # as masses are: for kernels it is another type
         self._steps = 0
 
     def forget(self) -> None:
         """Look for all triangles anew: the garments were put elsewhere."""
-        self._of_inner.near[:] = -1
-        self._of_outer.near[:] = -1
+        for meeting, _ in self._both_ways:
+            meeting.near[:] = -1
         self._steps = 0
 
-    def separate(self, inner: State, outer: State, *, held: bool = False) -> int:
-        """Moves both apart where they touch or cross, after a step.
+    def look(self) -> None:
+        """Finds which triangles particles are near to; once in a step."""
+        for meeting, search in self._both_ways:
+            if self._steps % _SEARCH_EVERY == 0:
+                find_triangles(
+                    meeting.x,
+                    meeting.other_x,
+                    meeting.triangles,
+                    meeting.reach,
+                    search.start,
+                    search.entry,
+                    meeting.near,
+                )
+            elif self._steps % _SPREAD_EVERY == 0:
+                take_from_neighbours(search.edges, meeting.near)
+            meeting.near[search.apart] = -1
+        self._steps += 1
+
+    def find_close(self, dt: float) -> None:
+        """Finds what `part` shall look at until the next time, in sub-steps of dt [s]."""
+        for meeting in self._meetings:
+            meeting.way[0] = _PARTING_SPEED * dt
+        if self._code is None:
+            self._code = (compiled(find_close, *self._meetings), compiled(part, *self._meetings))
+        self._code[0](*self._meetings)
+
+    def part(self) -> None:
+        """Moves both apart where they touch or cross, in a sub-step."""
+        assert self._code is not None
+        self._code[1](*self._meetings)
+
+    def separate(self, dt: float, *, held: bool = False) -> bool:
+        """Looks, finds and parts once, after a step of solvers that do not do so within it.
 
         Args:
-            inner: The one under the other.
-            outer: The one over it.
+            dt: The step [s].
             held: Whether the inner one stays where it is. It must where it takes no steps of its
                 own: nothing would then pull back what many pushes add up to.
 
         Returns:
-            In how many places they touched.
+            Whether they touched.
         """
-        touching = 0
-        mass = [model.inverse_mass for model in self._models]
+        self.look()
+        of_outer, of_inner = self._meetings
         if held:
-            mass[0] = np.zeros_like(mass[0])
-        for mine, (me, other), (my_mass, other_mass), side in (
-            (self._of_outer, (outer, inner), mass[::-1], 1.0),
-            (self._of_inner, (inner, outer), mass, -1.0),
-        ):
-            if self._steps % _SEARCH_EVERY == 0:
-                find_triangles(
-                    me.x, other.x, mine.triangles, self._reach, mine.start, mine.entry, mine.near
-                )
-            elif self._steps % _SPREAD_EVERY == 0:
-                take_from_neighbours(mine.edges, mine.near)
-            mine.near[mine.apart] = -1
-            touching += separate(
-                me.x,
-                me.v,
-                my_mass,
-                other.x,
-                other.v,
-                other_mass,
-                mine.triangles,
-                mine.neighbour,
-                mine.near,
-                np.float32(side),
-                self._thickness,
-                self._friction,
-                self._reach,
-            )
-        self._steps += 1
-        return touching
+            of_outer = of_outer._replace(other_inverse_mass=self._still)
+            of_inner = of_inner._replace(inverse_mass=self._still)
+        for meeting in self._meetings:
+            meeting.way[0] = _PARTING_SPEED * dt
+        separate(of_outer)
+        separate(of_inner)
+        return self.touched
+
+    @property
+    def touched(self) -> bool:
+        """Whether they touched at the end of the last step."""
+        return any(meeting.found[1] > 0 for meeting in self._meetings)
 
 
-def _side(
-    mine: ClothModel, other: ClothModel, meets: NDArray[np.bool_], is_met: NDArray[np.bool_]
-) -> _Side:
+def _meeting(
+    mine: tuple[ClothModel, State],
+    other: tuple[ClothModel, State],
+    side: float,
+    meets: NDArray[np.bool_],
+    is_met: NDArray[np.bool_],
+) -> tuple[Meeting, _Search]:
     """Those of my particles that `meets`, and the other's triangles whose corners all `is_met`."""
-    particle = np.empty(len(other), np.int32)
-    particle[other.vertex] = np.arange(len(other), dtype=np.int32)
-    triangles = particle[other.triangles]
+    (me, state), (it, other_state) = mine, other
+    particle = np.empty(len(it), np.int32)
+    particle[it.vertex] = np.arange(len(it), dtype=np.int32)
+    triangles = particle[it.triangles]
     triangles = np.ascontiguousarray(triangles[is_met[triangles].all(axis=1)])
     cells = 1 << int(np.ceil(np.log2(max(len(triangles), 2))))
-    return _Side(
-        edges=_edges(mine),
+    mean_friction = np.sqrt(me.material.friction * it.material.friction)
+    meeting = Meeting(
+        x=state.x,
+        v=state.v,
+        inverse_mass=me.inverse_mass,
+        own=_one_at_each(me),
+        other_x=other_state.x,
+        other_v=other_state.v,
+        other_inverse_mass=it.inverse_mass,
         triangles=triangles,
         neighbour=neighbours(triangles),
-        near=np.full(len(mine), -1, np.int32),
+        near=np.full(len(me), -1, np.int32),
+        close=np.zeros(len(me), np.int32),
+        plane=np.zeros((len(me), 5), np.float32),
+        found=np.zeros(2, np.int32),
+        side=np.float32(side),
+        thickness=np.float32(0.5 * (me.material.thickness + it.material.thickness)),
+        friction=np.float32(mean_friction),
+        reach=np.float32(_REACH * max(_edge_length(me), _edge_length(it))),
+        way=np.zeros(1, np.float32),
+    )
+    search = _Search(
+        edges=_edges(me),
         apart=np.flatnonzero(~meets).astype(np.int32),
         start=np.zeros(cells + 1, np.int32),
         entry=np.zeros(len(triangles), np.int32),
     )
+    return meeting, search
 
 
 def _is_under(inner: ClothModel, outer: ClothModel) -> NDArray[np.bool_]:
@@ -174,6 +270,16 @@ def neighbours(triangles: IntArray) -> IntArray:
     a, b = order[first], order[first + 1]
     twin[a], twin[b] = b // 3, a // 3
     return twin.reshape(-1, 3)
+
+
+def _one_at_each(model: ClothModel) -> IntArray:
+    """A triangle at each particle, as particles, shape [n, 3]."""
+    particle = np.empty(len(model), np.int32)
+    particle[model.vertex] = np.arange(len(model), dtype=np.int32)
+    triangles = particle[model.triangles]
+    own = np.zeros((len(model), 3), np.int32)
+    own[triangles.ravel()] = np.repeat(triangles, 3, axis=0)
+    return own
 
 
 def _edges(model: ClothModel) -> IntArray:

@@ -97,12 +97,23 @@ class Simulation:
         }
         self._under: dict[str, list[tuple[Worn, LayerPair]]] = {
             outer.garment.name: [
-                (inner, LayerPair(inner.model, outer.model))
+                (inner, LayerPair(inner.model, outer.model, inner.state, outer.state))
                 for inner in self._worn.values()
                 if inner.garment.layer < outer.garment.layer
             ]
             for outer in self._worn.values()
         }
+        # In layers, those that meet others step together if the solver can: they then rest.
+        self._together = [
+            worn
+            for name, worn in self._worn.items()
+            if self._solver.step_layers is not None
+            and any(
+                worn is inner or name == outer
+                for outer, pairs in self._under.items()
+                for inner, _ in pairs
+            )
+        ]
         self.time = 0.0
         self.outran = 0
         self.parameters = Parameters(
@@ -276,16 +287,19 @@ class Simulation:
         for n in range(steps):
             self._motion.interpolate(poses_start, poses_end, n / steps, (n + 1) / steps)
             self._take_along(dt / steps)
+            if self._together:
+                self._step_together(dt / steps)
             for worn in self._worn.values():
-                self._step(
-                    worn,
-                    worn.model,
-                    self._colliders,
-                    self.parameters,
-                    worn.state,
-                    worn.workspace,
-                    dt / steps,
-                )
+                if worn not in self._together:
+                    self._step(
+                        worn,
+                        worn.model,
+                        self._colliders,
+                        self.parameters,
+                        worn.state,
+                        worn.workspace,
+                        dt / steps,
+                    )
                 worn.health.steps += 1
             self.time += dt / steps
         for worn in self._worn.values():
@@ -293,15 +307,38 @@ class Simulation:
 
     def _step(self, worn: Worn, *args: Any, held: bool = False) -> None:
         """The solver's step for one garment, and its layer's place over those under it."""
-        worn.begin(args[-1])
-        if self._wind:
-            self._wind[worn.garment.name].blow(worn.state, self.origin, self.time, args[-1])
+        self._begin(worn, args[-1])
         self._solver.step(*args)
         worn.hold(self._colliders, args[-1])
         for inner, pair in self._under[worn.garment.name]:
-            if pair.separate(inner.state, worn.state, held=held):
+            if pair.separate(args[-1], held=held):
                 inner.measure()
                 worn.measure()
+
+    def _step_together(self, dt: float) -> None:
+        """The solver's step of dt [s] for all garments that are worn over or under others."""
+        for worn in self._together:
+            self._begin(worn, dt)
+        pairs = [pair for worn in self._together for _, pair in self._under[worn.garment.name]]
+        for pair in pairs:
+            pair.look()
+        assert self._solver.step_layers is not None
+        self._solver.step_layers(
+            [(worn.model, worn.state, worn.workspace) for worn in self._together],
+            pairs,
+            self._colliders,
+            self.parameters,
+            dt,
+        )
+        for worn in self._together:
+            worn.measure()
+            worn.hold(self._colliders, dt)
+
+    def _begin(self, worn: Worn, dt: float) -> None:
+        """What comes before a garment's step of dt [s], whichever solver it is."""
+        worn.begin(dt)
+        if self._wind:
+            self._wind[worn.garment.name].blow(worn.state, self.origin, self.time, dt)
 
     def _follow(self, poses: ColliderPoses) -> None:
         """Moves the local origin after the body."""

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.sim import naive_layers
 from garment_sim_ros.sim.kernels.layers import find_triangles, separate, take_from_neighbours
-from garment_sim_ros.sim.layers import neighbours
+from garment_sim_ros.sim.layers import Meeting, neighbours
 
 SPACING = 0.02
 REACH = 2.0 * SPACING
@@ -39,6 +39,30 @@ def found(x, y, triangles):
     find_triangles(x, y, triangles, np.float32(REACH), start, entry, near)
     assert sorted(entry.tolist()) == list(range(len(triangles)))
     return near
+
+
+def meeting(mine, other, triangles, near, side=1.0, friction=0.4):
+    """Positions, velocities and inverse masses of both, which meet in the arrays given."""
+    masses = [part[2].copy() for part in (mine, other)]
+    for mass in masses:
+        mass.flags.writeable = False  # as those of models are: for kernels it is another type
+    n = len(mine[0])
+    return Meeting(
+        *(mine[0], mine[1], masses[0]),
+        # Triangles of their own without area: folded over neither way.
+        *(np.zeros((n, 3), np.int32), other[0], other[1], masses[1]),
+        triangles=triangles,
+        neighbour=neighbours(triangles),
+        near=near,
+        close=np.zeros(n, np.int32),
+        plane=np.zeros((n, 5), np.float32),
+        found=np.zeros(2, np.int32),
+        side=np.float32(side),
+        thickness=np.float32(THICKNESS),
+        friction=np.float32(friction),
+        reach=np.float32(REACH),
+        way=np.full(1, np.inf, np.float32),
+    )
 
 
 @settings(max_examples=5, deadline=None)
@@ -78,10 +102,8 @@ def test_moves_as_the_twin_does(cloth, seed, side):
         rest = tuple(a.copy() for a in other)
         twin_one = [a[p : p + 1].copy() for a in exact[0]]
         twin_rest = [a.copy() for a in exact[1]]
-        touched = separate(
-            *(*one, *rest, triangles, neighbours(triangles), found(one[0], rest[0], triangles)),
-            *(np.float32(side), np.float32(THICKNESS), np.float32(0.4), np.float32(REACH)),
-        )
+        meets = meeting(one, rest, triangles, found(one[0], rest[0], triangles), side)
+        separate(meets)
         expected = naive_layers.separate(
             tuple(twin_one),
             tuple(twin_rest),
@@ -92,7 +114,7 @@ def test_moves_as_the_twin_does(cloth, seed, side):
             friction=0.4,
             reach=REACH,
         )
-        assert touched == expected
+        assert meets.found[1] == expected
         for got, want, tolerance in (
             (one[0], twin_one[0], 2e-6),
             (rest[0], twin_rest[0], 2e-6),
@@ -110,11 +132,9 @@ def test_momentum_and_the_centre_of_mass_stay(cloth, seed):
     before = [np.concatenate([a[k] / a[2][:, None] for a in (mine, other)]) for k in (0, 1)]
     before = [b.sum(axis=0, dtype=np.float64) for b in before]
     near = found(mine[0], other[0], triangles)
-    touched = separate(
-        *(*mine, *other, triangles, neighbours(triangles), near),
-        *(np.float32(1.0), np.float32(THICKNESS), np.float32(0.4), np.float32(REACH)),
-    )
-    assert touched > 10
+    meets = meeting(mine, other, triangles, near)
+    separate(meets)
+    assert meets.found[1] > 10
     after = [np.concatenate([a[k] / a[2][:, None] for a in (mine, other)]) for k in (0, 1)]
     for b, a, scale in zip(before, after, (1e-8, 1e-6)):
         np.testing.assert_allclose(a.sum(axis=0, dtype=np.float64), b, atol=scale)

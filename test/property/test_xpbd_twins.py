@@ -10,7 +10,7 @@ from garment_sim_ros.sim import naive_xpbd
 from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
 from garment_sim_ros.sim.kernels.bending import bend, prepare_hinges
 from garment_sim_ros.sim.kernels.edges import prepare_edges, solve_edges, solve_edges_apart
-from garment_sim_ros.sim.kernels.sub_steps import arrive, coast
+from garment_sim_ros.sim.kernels.sub_step_motion import arrive, coast
 
 SEEDS = st.integers(0, 10**6)
 

@@ -7,6 +7,8 @@ from garment_sim_ros.geometry.mesh_distance import closest_on_triangle
 
 _WALK = 8
 """Triangles that a particle may pass in one step."""
+_MARGIN = np.float32(2.0)
+"""Heights over the other garment, in thicknesses, at which particles may soon touch it."""
 
 
 @kernel(forceinline=True)
@@ -134,49 +136,40 @@ def take_from_neighbours(edges, near):
             near[p] = -2 - near[p]
 
 
-@kernel()
-def separate(
+@kernel(forceinline=True)
+def _find_close(
     x,
     v,
     inverse_mass,
+    own,
     other_x,
     other_v,
     other_inverse_mass,
     triangles,
     neighbour,
     near,
+    close,
+    plane,
+    found,
     side,
     thickness,
     friction,
     reach,
+    way,
 ):
-    """Moves particles to their side of another garment, and that garment away from them.
+    """Which particles are close to the other garment, and in which planes they meet it.
 
-    Each particle follows the triangle that it was nearest to over the mesh. Where it is less than
-    `thickness` on its side, it and the triangle's corners move apart along the triangle's normal,
-    by their inverse masses; what velocity brings them together is taken away, and slip as far as
-    Coulomb's law allows. Past the border of the other garment there is nothing to meet.
+    Each particle follows the triangle that it was nearest to over the mesh. Past the border of the
+    other garment there is nothing to meet, nor where one of them is folded over, so that its
+    outside faces the body: pushed to its side of the one, it would be on the wrong side of the
+    other, and both would shake for ever.
 
-    Args:
-        x: Positions, changed in place [m], shape [n, 3].
-        v: Velocities, changed in place [m/s], shape [n, 3].
-        inverse_mass: Inverse masses [1/kg], shape [n].
-        other_x: Positions of the other garment, changed in place [m], shape [m, 3].
-        other_v: Its velocities, changed in place [m/s], shape [m, 3].
-        other_inverse_mass: Its inverse masses [1/kg], shape [m].
-        triangles: Its triangles as particles, counter-clockwise from outside, shape [t, 3].
-        neighbour: Triangles across their edges ab, bc, ca, -1 at a border, shape [t, 3].
-        near: Triangle of each particle, -1 for none, changed in place, shape [n].
-        side: 1 where the particles belong outside the other garment, -1 where inside.
-        thickness: Distance to keep [m].
-        friction: Coulomb coefficient.
-        reach: Particles farther away lose their triangle [m].
-
-    Returns:
-        Number of particles that touched.
+    The arguments are a `layers.Meeting`; `near`, `close`, `plane` and `found` are changed in
+    place.
     """
+    margin = _MARGIN * thickness
     zero = np.float32(0.0)
-    touched = 0
+    many = 0
     for p in range(x.shape[0]):
         t = near[p]
         if t < 0:
@@ -224,14 +217,76 @@ def separate(
         length = np.sqrt(nx * nx + ny * ny + nz * nz)
         if length < np.float32(1e-12):
             continue
-        turn = np.float32(side) / length
+        i, j, k = own[p, 0], own[p, 1], own[p, 2]
+        ax, ay, az = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]
+        bx, by, bz = x[k, 0] - x[i, 0], x[k, 1] - x[i, 1], x[k, 2] - x[i, 2]
+        if (ay * bz - az * by) * nx + (az * bx - ax * bz) * ny + (ax * by - ay * bx) * nz < zero:
+            continue  # One of the two is folded over there: nobody knows the sides.
+        i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        turn = side / length
         nx *= turn
         ny *= turn
         nz *= turn
-        depth = thickness - (
+        height = (
             (px - a * other_x[i, 0] - b * other_x[j, 0] - c * other_x[k, 0]) * nx
             + (py - a * other_x[i, 1] - b * other_x[j, 1] - c * other_x[k, 1]) * ny
             + (pz - a * other_x[i, 2] - b * other_x[j, 2] - c * other_x[k, 2]) * nz
+        )
+        if not height < margin:
+            continue
+        close[many] = p
+        plane[many, 0] = nx
+        plane[many, 1] = ny
+        plane[many, 2] = nz
+        plane[many, 3] = b
+        plane[many, 4] = c
+        many += 1
+    found[0] = many
+
+
+@kernel(forceinline=True)
+def _part(
+    x,
+    v,
+    inverse_mass,
+    own,
+    other_x,
+    other_v,
+    other_inverse_mass,
+    triangles,
+    neighbour,
+    near,
+    close,
+    plane,
+    found,
+    side,
+    thickness,
+    friction,
+    reach,
+    way,
+):
+    """Moves particles to their side of another garment, and that garment away from them.
+
+    Where one that is `close` is less than the thickness on its side, it and the triangle's corners
+    move apart along the triangle's normal, by their inverse masses, `way` at most: what is deep
+    on the wrong side comes back without being thrown. What velocity brings them together is taken
+    away, and slip as far as Coulomb's law allows.
+
+    The arguments are a `layers.Meeting`; positions, velocities and `found` are changed in place.
+    """
+    zero = np.float32(0.0)
+    touched = 0
+    for n in range(found[0]):
+        p = close[n]
+        t = near[p]
+        nx, ny, nz = plane[n, 0], plane[n, 1], plane[n, 2]
+        b, c = plane[n, 3], plane[n, 4]
+        a = np.float32(1.0) - b - c
+        i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        depth = thickness - (
+            (x[p, 0] - a * other_x[i, 0] - b * other_x[j, 0] - c * other_x[k, 0]) * nx
+            + (x[p, 1] - a * other_x[i, 1] - b * other_x[j, 1] - c * other_x[k, 1]) * ny
+            + (x[p, 2] - a * other_x[i, 2] - b * other_x[j, 2] - c * other_x[k, 2]) * nz
         )
         if not depth > zero:
             continue
@@ -258,10 +313,10 @@ def separate(
         jx = (closing * nx - held * ux) / total
         jy = (closing * ny - held * uy) / total
         jz = (closing * nz - held * uz) / total
-        push = depth / total
-        x[p, 0] = px + wp * push * nx
-        x[p, 1] = py + wp * push * ny
-        x[p, 2] = pz + wp * push * nz
+        push = min(depth, way[0]) / total
+        x[p, 0] += wp * push * nx
+        x[p, 1] += wp * push * ny
+        x[p, 2] += wp * push * nz
         v[p, 0] += wp * jx
         v[p, 1] += wp * jy
         v[p, 2] += wp * jz
@@ -272,7 +327,28 @@ def separate(
             other_v[m, 0] -= w * jx
             other_v[m, 1] -= w * jy
             other_v[m, 2] -= w * jz
-    return touched
+    found[1] = touched
+
+
+@kernel()
+def separate(meeting):
+    """Finds who meets the other garment and parts them once; see `layers.Meeting`."""
+    _find_close(*meeting)
+    _part(*meeting)
+
+
+@kernel()
+def find_close(one_way, other_way):
+    """What `separate` does first, for both `layers.Meeting` of a pair of garments."""
+    _find_close(*one_way)
+    _find_close(*other_way)
+
+
+@kernel()
+def part(one_way, other_way):
+    """What `separate` does then."""
+    _part(*one_way)
+    _part(*other_way)
 
 
 @kernel()

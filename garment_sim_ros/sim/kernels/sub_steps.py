@@ -1,11 +1,11 @@
-"""All sub-steps of an `xpbd` step in one compiled loop."""
+"""Sub-steps of an `xpbd` step in one compiled loop."""
 
 import numpy as np
 
 from garment_sim_ros.geometry.contact import collide_particles
 from garment_sim_ros.geometry.contact_shapes import pose_shapes
 from garment_sim_ros.geometry.contact_sweep import sweep
-from garment_sim_ros.geometry.jit import exact_kernel, kernel
+from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.sim.kernels.attached import pull_attached
 from garment_sim_ros.sim.kernels.bending import bend
@@ -22,8 +22,11 @@ from garment_sim_ros.sim.kernels.planes import (
     stop_at_contacts,
     touch_planes,
 )
+from garment_sim_ros.sim.kernels.sub_step_motion import arrive, coast, fall, gain, share_out
 from garment_sim_ros.sim.sample_points import meet_between
 
+_HURRIED, _STILL, _KNOWN, _TOUCHING = range(4)
+"""Places in the `flags` of a step."""
 _SHORT = np.float32(6e-4)
 """In a shorter sub-step [s] a coordinate's last place is too much velocity to round to."""
 
@@ -39,62 +42,6 @@ def same_poses(position_a, orientation_a, position_b, orientation_b):
             if orientation_a[i, k] != orientation_b[i, k]:
                 return False
     return True
-
-
-@kernel(forceinline=True)
-def fall(x, v, x_start, x_predicted, push, keep, dt):
-    """`kernels.motion.predict` over flat arrays, with `push` for every coordinate, shape [3 n]."""
-    for i in range(v.size):
-        x_start[i] = x[i]
-        v[i] = keep * v[i] + push[i]
-        x[i] += dt * v[i]
-        x_predicted[i] = x[i]
-
-
-@kernel(forceinline=True)
-def share_out(bent, v, pull, share, push):
-    """Velocity that outer forces and bending add in each sub-step; flat arrays [3 n], pull [3]."""
-    for p in range(v.size // 3):
-        for k in range(3):
-            i = 3 * p + k
-            push[i] = pull[k] + (bent[i] - v[i]) * share
-
-
-@kernel(forceinline=True)
-def gain(x, v, x_predicted, rate):
-    """Adds to velocities what constraints moved, over the sub-step; flat arrays [3 n]."""
-    for i in range(v.size):
-        v[i] += (x[i] - x_predicted[i]) * rate
-
-
-@exact_kernel()
-def coast(x, v, x_start, moved, low, push, keep, dt):
-    """The same as `fall`, but positions stay and the way is kept apart; flat arrays [3 n].
-
-    Args:
-        x: Positions [m].
-        v: Velocities, changed in place [m/s].
-        x_start: Output, the positions [m].
-        moved: Output, the way of the sub-step and what positions were short of before it [m].
-        low: That: what the last sub-step moved by less than positions can be rounded to [m].
-        push: Velocity that is added [m/s].
-        keep: Part of velocity that is kept.
-        dt: Sub-step [s].
-    """
-    for i in range(v.size):
-        x_start[i] = x[i]
-        v[i] = keep * v[i] + push[i]
-        moved[i] = dt * v[i] + low[i]
-
-
-@exact_kernel()
-def arrive(x, v, moved, low, dt, rate):
-    """The end of a sub-step that began with `coast`: velocities, positions and what they lack."""
-    for i in range(v.size):
-        v[i] += (moved[i] - (dt * v[i] + low[i])) * rate
-        rounded = x[i] + moved[i]
-        low[i] = moved[i] - (rounded - x[i])
-        x[i] = rounded
 
 
 @kernel()
@@ -135,8 +82,11 @@ def run_sub_steps(
     bending_every,
     slow,
     motion,
+    flags,
+    first,
+    last,
 ):
-    """Advances one garment by `count` sub-steps; see `solvers.xpbd.step`.
+    """Advances one garment by sub-steps `first` to `last` of `count`; see `solvers.xpbd.step`.
 
     Args:
         x: Positions, changed in place [m], shape [n, 3].
@@ -173,39 +123,46 @@ def run_sub_steps(
         push: Scratch: the same with bending, for every coordinate [m/s], shape [3 free].
         keep: Part of velocity kept in a sub-step.
         dt: Sub-step [s].
-        count: Number of sub-steps.
+        count: Number of sub-steps in a step.
         iterations: Passes over the edges in each.
         bending_every: Sub-steps for each pass over the hinges and each search for contacts.
         slow: RMS speed below which edges are solved more exactly [m/s].
         motion: Output, sum and maximum of squared speeds [m^2/s^2], shape [2].
+        flags: Scratch of a step: whether it is fast enough for the quick pass over edges, whether
+            shapes stand still, whether the contacts of the step before still hold, and how many
+            particles touch, shape [4].
+        first: The first sub-step, from 0; nothing else may change what is scratch in a step.
+        last: The sub-step to stop before.
 
     Returns:
-        Number of particles in contact in the last sub-step.
+        Number of particles in contact in the last search.
     """
     from_position, from_orientation, to_position, to_orientation, scratch = between
     flat = x.reshape(-1)
     moved = x_predicted.reshape(-1)
     loose = 3 * free
-    touching = 0
-    # Written so that a motion that is not known counts as none.
-    hurried = iterations == 1 and dt > _SHORT and motion[0] > free * slow**2
-    still = same_poses(start[0], start[1], end[0], end[1])
-    if still:
-        pose_shapes(shapes, end[0], end[1], end[0], end[1], origin, scratch, posed)
-    # Where nothing was moved since the last step, its contacts are still those of the start.
-    known = np.array_equal(x, x_end) and same_poses(
-        start[0], start[1], to_position, to_orientation
-    )
-    if hurried or not known:
-        low[:] = np.float32(0.0)
-    to_position[:] = start[0]
-    to_orientation[:] = start[1]
     x_search, x_coast, search_position, search_orientation, since = last_search
-    x_search[:] = x
-    glide(x_search, v, dt * np.float32(bending_every), x_coast)
-    search_position[:] = start[0]
-    search_orientation[:] = start[1]
-    for s in range(count):
+    if first == 0:
+        # Written so that a motion that is not known counts as none.
+        flags[_HURRIED] = iterations == 1 and dt > _SHORT and motion[0] > free * slow**2
+        flags[_STILL] = same_poses(start[0], start[1], end[0], end[1])
+        if flags[_STILL]:
+            pose_shapes(shapes, end[0], end[1], end[0], end[1], origin, scratch, posed)
+        # Where nothing was moved since the last step, its contacts are still those of the start.
+        flags[_KNOWN] = np.array_equal(x, x_end) and same_poses(
+            start[0], start[1], to_position, to_orientation
+        )
+        flags[_TOUCHING] = 0
+        if flags[_HURRIED] or not flags[_KNOWN]:
+            low[:] = np.float32(0.0)
+        to_position[:] = start[0]
+        to_orientation[:] = start[1]
+        x_search[:] = x
+        glide(x_search, v, dt * np.float32(bending_every), x_coast)
+        search_position[:] = start[0]
+        search_orientation[:] = start[1]
+    hurried, still, known = flags[_HURRIED], flags[_STILL], flags[_KNOWN]
+    for s in range(first, last):
         if not still:  # Planes need no poses, pins do.
             from_position[:] = to_position
             from_orientation[:] = to_orientation
@@ -355,7 +312,7 @@ def run_sub_steps(
         )
         sweep(shapes, since, sides.side, way, x[:free], x_search[:free], x_coast[:free], thickness)
         x_predicted[:free] = x[:free]
-        touching = collide_particles(
+        flags[_TOUCHING] = collide_particles(
             shapes, posed, sides, x[:free], x_start[:free], thickness, friction, contacts
         )
         if points is not None:
@@ -391,5 +348,6 @@ def run_sub_steps(
         glide(x_search, v, dt * np.float32(bending_every), x_coast)
         search_position[:] = to_position
         search_orientation[:] = to_orientation
-    x_end[:] = x
-    return touching
+    if last == count:
+        x_end[:] = x
+    return flags[_TOUCHING]

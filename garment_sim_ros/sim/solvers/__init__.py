@@ -19,11 +19,14 @@ class Solver:
         step: ``step(model, collider_state, params, state, workspace, dt)``.
         workspace: Makes the scratch arrays that its step needs for a model and a number of shapes.
         settings: Its group of numerical parameters.
+        step_layers: Advances garments over garments that meet within the step, see
+            `xpbd.step_layers`; None where they are parted after it.
     """
 
     step: Step
     workspace: Callable[[ClothModel, int], Workspace]
     settings: type
+    step_layers: Callable[..., None] | None = None
 
 
 SOLVERS: Mapping[str, Solver] = {
@@ -36,6 +39,7 @@ SOLVERS: Mapping[str, Solver] = {
         step=xpbd.step,
         workspace=xpbd.XpbdWorkspace.room_for,
         settings=XpbdSettings,
+        step_layers=xpbd.step_layers,
     ),
     "implicit": Solver(
         step=implicit.step,

@@ -7,177 +7,25 @@ the number of passes changes the shape that cloth hangs in.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from garment_sim_ros.geometry.contact_shapes import PosedShapes
-from garment_sim_ros.geometry.jit import use_threads
-from garment_sim_ros.geometry.locality import order_by_part, part_starts
+from garment_sim_ros.geometry.jit import compiled, use_threads
 from garment_sim_ros.geometry.shapes import ColliderPoses
 from garment_sim_ros.params import XpbdSettings
-from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
-from garment_sim_ros.sim.kernels.bending import prepare_hinges
-from garment_sim_ros.sim.kernels.edges import prepare_edges
 from garment_sim_ros.sim.kernels.sub_steps import run_sub_steps
+from garment_sim_ros.sim.layers import LayerPair
 from garment_sim_ros.sim.model import ClothModel, Parameters
-from garment_sim_ros.sim.solvers.sweep_order import inward_order
+from garment_sim_ros.sim.solvers.xpbd_workspace import XpbdWorkspace
 from garment_sim_ros.sim.state import ColliderState, State, Workspace
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
-IndexArray = NDArray[np.uint32]
 
 _SMALL = 0.1
 """Extent of a garment below which sub-steps are shortened like its swing [m]."""
 _SLOW = 0.03
 """RMS speed below which rounding shows [m/s]; that of a garment larger than a metre is larger."""
-
-
-class Prepared(NamedTuple):
-    """Edges and hinges as a sub-step needs them.
-
-    Attributes:
-        edge_particles: Ends of the edges, flat, in the order of a pass, shape [2 m].
-        edges: See `kernels.edges.prepare_edges`, shape [m, 4].
-        pull: Scratch of several passes, shape [m].
-        hinge_particles: Particles of the hinges, shape [h, 4].
-        hinges: See `kernels.bending.prepare_hinges`, shape [h, 8].
-    """
-
-    edge_particles: IndexArray
-    edges: SingleArray
-    pull: SingleArray
-    hinge_particles: IntArray
-    hinges: SingleArray
-
-
-class Parts(NamedTuple):
-    """Where `Prepared` edges and hinges of each part of a large garment start.
-
-    Attributes:
-        edges: Those within each part, then those between parts, shape [parts + 2].
-        hinges: The same.
-    """
-
-    edges: IntArray
-    hinges: IntArray
-
-
-@dataclass(kw_only=True)
-class XpbdWorkspace(Workspace):
-    """Scratch arrays, and what the material makes of the mesh.
-
-    Attributes:
-        rest_squared: Squared rest lengths of the edges [m^2], shape [m].
-        stiffness: Their stiffnesses [N/m], shape [m].
-        extent: Of the garment at rest, the largest [m].
-        hinge_weight: Weights of the hinges' curvature, shape [h, 4].
-        hinge_stiffness: Their stiffnesses [N/m], shape [h].
-        prepared: What the sub-steps need, for one length of them.
-        parts: What of it threads can share.
-        prepared_for: That length [s], the rate of damping [1/s] and the sub-steps for each pass
-            over the hinges.
-        place: Points of the planes in which particles touch shapes [m], shape [free, 3].
-        ride: How far those move in a sub-step [m], shape [free, 3].
-        x_end: Positions at the end of the last step [m], shape [n, 3].
-        low: What these are short of by rounding [m], shape [3 free].
-        push_all: Velocity that outer forces and bending add in a sub-step [m/s], shape [3 free].
-        between: Poses at the start and end of one sub-step; None until colliders are known.
-        last_search: Positions of particles at the last search for contacts, where they would
-            coast to, poses of colliders then, and the shapes posed for the time since; None until
-            colliders are known.
-    """
-
-    rest_squared: FloatArray
-    stiffness: FloatArray
-    extent: float
-    hinge_weight: FloatArray
-    hinge_stiffness: FloatArray
-    prepared: Prepared
-    parts: Parts
-    prepared_for: tuple[float, float, int]
-    place: SingleArray
-    ride: SingleArray
-    x_end: SingleArray
-    low: SingleArray
-    push_all: SingleArray
-    between: tuple[Any, ...] | None
-    last_search: tuple[Any, ...] | None
-
-    @classmethod
-    def room_for(cls, model: ClothModel, shapes: int) -> "XpbdWorkspace":
-        """Arrays for a garment and a number of collider shapes."""
-        particle = np.empty(len(model), np.int32)
-        particle[model.vertex] = np.arange(len(model), dtype=np.int32)
-        triangles = particle[model.triangles]
-        springs = model.springs
-        edges = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
-        edges = edges[inward_order(edges, triangles, model.free_count)]
-        parts = part_starts(model.free_count)
-        by_part, edge_start = order_by_part(edges, parts)
-        edges = edges[by_part]
-        rest, weight = model.rest, model.inverse_mass
-        bending = hinges(rest, triangles, model.material)
-        used = np.flatnonzero(
-            (weight[bending.particles].sum(axis=1) > 0.0) & (bending.stiffness > 0.0)
-        )
-        by_part, hinge_start = order_by_part(bending.particles[used], parts)
-        used = used[by_part]
-        m, h = len(edges), len(used)
-        rest_squared = ((rest[edges[:, 0]] - rest[edges[:, 1]]) ** 2).sum(axis=1)
-        return cls(
-            **vars(Workspace.room_for(model, shapes)),
-            rest_squared=rest_squared,
-            extent=float(np.ptp(rest, axis=0).max()),
-            stiffness=edge_stiffness(rest, triangles, edges, model.material),
-            hinge_weight=np.ascontiguousarray(bending.weight[used]),
-            hinge_stiffness=np.ascontiguousarray(bending.stiffness[used]),
-            prepared=Prepared(
-                edge_particles=np.ascontiguousarray(edges.ravel(), np.uint32),
-                edges=np.zeros((m, 4), np.float32),
-                pull=np.zeros(m, np.float32),
-                hinge_particles=np.ascontiguousarray(bending.particles[used]),
-                hinges=np.zeros((h, 8), np.float32),
-            ),
-            parts=Parts(edges=edge_start, hinges=hinge_start),
-            prepared_for=(0.0, 0.0, 0),
-            place=np.zeros((model.free_count, 3), np.float32),
-            ride=np.zeros((model.free_count, 3), np.float32),
-            x_end=np.full((len(model), 3), np.nan, np.float32),
-            low=np.zeros(3 * model.free_count, np.float32),
-            push_all=np.zeros(3 * model.free_count, np.float32),
-            between=None,
-            last_search=None,
-        )
-
-    def prepare(self, model: ClothModel, dt: float, rate: float, bending_every: int) -> None:
-        """Fills `prepared` for sub-steps of dt [s] and a rate of damping [1/s], unless it is."""
-        if self.prepared_for == (dt, rate, bending_every):
-            return
-        ready = self.prepared
-        prepare_edges(
-            ready.edge_particles,
-            self.stiffness,
-            model.inverse_mass,
-            self.rest_squared,
-            1.0 / (1.0 + dt * rate),
-            dt,
-            ready.edges,
-        )
-        prepare_hinges(
-            ready.hinge_particles,
-            self.hinge_weight,
-            self.hinge_stiffness,
-            model.inverse_mass,
-            1.0 / (1.0 + dt * bending_every * rate),
-            dt * bending_every,
-            ready.hinges,
-        )
-        self.prepared_for = (dt, rate, bending_every)
 
 
 def step(
@@ -204,14 +52,90 @@ def step(
         dt: Step [s].
     """
     assert isinstance(workspace, XpbdWorkspace)
+    count, bending_every = _sub_steps(workspace, params, dt)
+    shared = _shares(model, params)
+    given = _given(model, colliders, params, state, workspace, dt, count, bending_every, shared)
+    advance: Callable[..., int] = run_sub_steps
+    workspace.contact_count = advance(*given, 0, count)
+
+
+def step_layers(
+    garments: Sequence[tuple[ClothModel, State, XpbdWorkspace]],
+    pairs: Sequence[LayerPair],
+    colliders: ColliderState,
+    params: Parameters,
+    dt: float,
+) -> None:
+    """Advances garments over garments by one step, which meet each other in each sub-step.
+
+    What is parted after a whole step springs back in the first sub-step of the next one, with a
+    velocity of that way over a sub-step: layers would never rest.
+
+    Args:
+        garments: Model, motion (changed in place) and `XpbdWorkspace` of each.
+        pairs: The pairs of them that meet.
+        colliders: Colliders at the start and end of the step.
+        params: Outer forces and `XpbdSettings`.
+        dt: Step [s].
+    """
+    count, bending_every = max(_sub_steps(w, params, dt) for _, _, w in garments)
+    given = []
+    for model, state, workspace in garments:
+        shared = _shares(model, params)
+        given.append(
+            _given(model, colliders, params, state, workspace, dt, count, bending_every, shared)
+        )
+        types = (shared, workspace.points is None)
+        if types != workspace.code_for:
+            workspace.code = compiled(run_sub_steps, *given[-1], 0, count)
+            workspace.code_for = types
+    for s in range(count):
+        for (_, _, workspace), g in zip(garments, given, strict=True):
+            workspace.contact_count = workspace.code(*g, s, s + 1)
+        for pair in pairs:
+            if s % bending_every == 0:
+                pair.find_close(dt / count)
+            pair.part()
+
+
+def _sub_steps(workspace: Workspace, params: Parameters, dt: float) -> tuple[int, int]:
+    """How many in a step of dt [s], and how many for each pass over the hinges."""
+    assert isinstance(workspace, XpbdWorkspace)
     settings = params.settings
     assert isinstance(settings, XpbdSettings)
     longest = settings.sub_step * min(1.0, math.sqrt(workspace.extent / _SMALL))
     count = max(1, math.ceil(dt / longest - 1e-6))
     passes = math.ceil(count / settings.bending_every)
     bending_every = math.ceil(count / passes)
-    count = passes * bending_every
+    return passes * bending_every, bending_every
+
+
+def _shares(model: ClothModel, params: Parameters) -> bool:
+    """Whether threads share the sweeps over a garment; sets their number if so."""
+    assert isinstance(params.settings, XpbdSettings)
+    threads = params.settings.threads
+    if threads == 1 or model.parts == 1:
+        return False
+    use_threads(threads)
+    return True
+
+
+def _given(
+    model: ClothModel,
+    colliders: ColliderState,
+    params: Parameters,
+    state: State,
+    workspace: Workspace,
+    dt: float,
+    count: int,
+    bending_every: int,
+    shared: bool,
+) -> tuple[Any, ...]:
+    """What `run_sub_steps` needs for `count` sub-steps in dt [s]."""
     h = dt / count
+    assert isinstance(workspace, XpbdWorkspace)
+    settings = params.settings
+    assert isinstance(settings, XpbdSettings)
     material, environment = model.material, params.environment
     drag = material.air_drag / material.areal_density
     rate = material.damping + drag
@@ -229,11 +153,7 @@ def step(
     for k in range(3):
         pull = environment.gravity[k] + drag * environment.wind[k]
         workspace.push[k] = keep * h * pull
-    parts = None
-    if settings.threads > 1 and model.parts > 1:
-        use_threads(settings.threads)
-        parts = workspace.parts
-    workspace.contact_count = run_sub_steps(
+    return (
         state.x,
         state.v,
         model.free_count,
@@ -241,7 +161,7 @@ def step(
         workspace.x_predicted,
         workspace.low,
         workspace.prepared,
-        parts,
+        workspace.parts if shared else None,
         workspace.attached,
         model.pin_collider,
         model.pin_position,
@@ -270,4 +190,5 @@ def step(
         bending_every,
         _SLOW * max(1.0, workspace.extent),
         workspace.motion,
+        workspace.flags,
     )

@@ -1,0 +1,175 @@
+"""What an `xpbd` step keeps of a garment, and what its kernels are given."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.geometry.locality import order_by_part, part_starts
+from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
+from garment_sim_ros.sim.kernels.bending import prepare_hinges
+from garment_sim_ros.sim.kernels.edges import prepare_edges
+from garment_sim_ros.sim.kernels.sub_steps import run_sub_steps
+from garment_sim_ros.sim.model import ClothModel
+from garment_sim_ros.sim.solvers.sweep_order import inward_order
+from garment_sim_ros.sim.state import Workspace
+
+FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
+IntArray = NDArray[np.int32]
+IndexArray = NDArray[np.uint32]
+
+
+class Prepared(NamedTuple):
+    """Edges and hinges as a sub-step needs them.
+
+    Attributes:
+        edge_particles: Ends of the edges, flat, in the order of a pass, shape [2 m].
+        edges: See `kernels.edges.prepare_edges`, shape [m, 4].
+        pull: Scratch of several passes, shape [m].
+        hinge_particles: Particles of the hinges, shape [h, 4].
+        hinges: See `kernels.bending.prepare_hinges`, shape [h, 8].
+    """
+
+    edge_particles: IndexArray
+    edges: SingleArray
+    pull: SingleArray
+    hinge_particles: IntArray
+    hinges: SingleArray
+
+
+class Parts(NamedTuple):
+    """Where `Prepared` edges and hinges of each part of a large garment start.
+
+    Attributes:
+        edges: Those within each part, then those between parts, shape [parts + 2].
+        hinges: The same.
+    """
+
+    edges: IntArray
+    hinges: IntArray
+
+
+@dataclass(kw_only=True)
+class XpbdWorkspace(Workspace):
+    """Scratch arrays, and what the material makes of the mesh.
+
+    Attributes:
+        rest_squared: Squared rest lengths of the edges [m^2], shape [m].
+        stiffness: Their stiffnesses [N/m], shape [m].
+        extent: Of the garment at rest, the largest [m].
+        hinge_weight: Weights of the hinges' curvature, shape [h, 4].
+        hinge_stiffness: Their stiffnesses [N/m], shape [h].
+        prepared: What the sub-steps need, for one length of them.
+        parts: What of it threads can share.
+        prepared_for: That length [s], the rate of damping [1/s] and the sub-steps for each pass
+            over the hinges.
+        place: Points of the planes in which particles touch shapes [m], shape [free, 3].
+        ride: How far those move in a sub-step [m], shape [free, 3].
+        x_end: Positions at the end of the last step [m], shape [n, 3].
+        low: What these are short of by rounding [m], shape [3 free].
+        push_all: Velocity that outer forces and bending add in a sub-step [m/s], shape [3 free].
+        between: Poses at the start and end of one sub-step; None until colliders are known.
+        last_search: Positions of particles at the last search for contacts, where they would
+            coast to, poses of colliders then, and the shapes posed for the time since; None until
+            colliders are known.
+        flags: Whether a step is fast, shapes stand still and contacts are known, and how many
+            particles touch, shape [4].
+        code: Machine code of the sub-steps, where they are called one by one.
+        code_for: Whether threads share them and whether there are points between particles.
+    """
+
+    rest_squared: FloatArray
+    stiffness: FloatArray
+    extent: float
+    hinge_weight: FloatArray
+    hinge_stiffness: FloatArray
+    prepared: Prepared
+    parts: Parts
+    prepared_for: tuple[float, float, int]
+    place: SingleArray
+    ride: SingleArray
+    x_end: SingleArray
+    low: SingleArray
+    push_all: SingleArray
+    between: tuple[Any, ...] | None
+    last_search: tuple[Any, ...] | None
+    flags: IntArray
+    code: Callable[..., int]
+    code_for: tuple[bool, bool] | None
+
+    @classmethod
+    def room_for(cls, model: ClothModel, shapes: int) -> "XpbdWorkspace":
+        """Arrays for a garment and a number of collider shapes."""
+        particle = np.empty(len(model), np.int32)
+        particle[model.vertex] = np.arange(len(model), dtype=np.int32)
+        triangles = particle[model.triangles]
+        springs = model.springs
+        edges = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
+        edges = edges[inward_order(edges, triangles, model.free_count)]
+        parts = part_starts(model.free_count)
+        by_part, edge_start = order_by_part(edges, parts)
+        edges = edges[by_part]
+        rest, weight = model.rest, model.inverse_mass
+        bending = hinges(rest, triangles, model.material)
+        used = np.flatnonzero(
+            (weight[bending.particles].sum(axis=1) > 0.0) & (bending.stiffness > 0.0)
+        )
+        by_part, hinge_start = order_by_part(bending.particles[used], parts)
+        used = used[by_part]
+        m, h = len(edges), len(used)
+        rest_squared = ((rest[edges[:, 0]] - rest[edges[:, 1]]) ** 2).sum(axis=1)
+        return cls(
+            **vars(Workspace.room_for(model, shapes)),
+            rest_squared=rest_squared,
+            extent=float(np.ptp(rest, axis=0).max()),
+            stiffness=edge_stiffness(rest, triangles, edges, model.material),
+            hinge_weight=np.ascontiguousarray(bending.weight[used]),
+            hinge_stiffness=np.ascontiguousarray(bending.stiffness[used]),
+            prepared=Prepared(
+                edge_particles=np.ascontiguousarray(edges.ravel(), np.uint32),
+                edges=np.zeros((m, 4), np.float32),
+                pull=np.zeros(m, np.float32),
+                hinge_particles=np.ascontiguousarray(bending.particles[used]),
+                hinges=np.zeros((h, 8), np.float32),
+            ),
+            parts=Parts(edges=edge_start, hinges=hinge_start),
+            prepared_for=(0.0, 0.0, 0),
+            place=np.zeros((model.free_count, 3), np.float32),
+            ride=np.zeros((model.free_count, 3), np.float32),
+            x_end=np.full((len(model), 3), np.nan, np.float32),
+            low=np.zeros(3 * model.free_count, np.float32),
+            push_all=np.zeros(3 * model.free_count, np.float32),
+            between=None,
+            last_search=None,
+            flags=np.zeros(4, np.int32),
+            code=run_sub_steps,
+            code_for=None,
+        )
+
+    def prepare(self, model: ClothModel, dt: float, rate: float, bending_every: int) -> None:
+        """Fills `prepared` for sub-steps of dt [s] and a rate of damping [1/s], unless it is."""
+        if self.prepared_for == (dt, rate, bending_every):
+            return
+        ready = self.prepared
+        prepare_edges(
+            ready.edge_particles,
+            self.stiffness,
+            model.inverse_mass,
+            self.rest_squared,
+            1.0 / (1.0 + dt * rate),
+            dt,
+            ready.edges,
+        )
+        prepare_hinges(
+            ready.hinge_particles,
+            self.hinge_weight,
+            self.hinge_stiffness,
+            model.inverse_mass,
+            1.0 / (1.0 + dt * bending_every * rate),
+            dt * bending_every,
+            ready.hinges,
+        )
+        self.prepared_for = (dt, rate, bending_every)
