@@ -15,6 +15,7 @@ length given.
 
 import argparse
 import ctypes
+import dataclasses
 import json
 import sys
 import tempfile
@@ -47,7 +48,11 @@ MATERIAL = Material(
 """A stiff weave. Damping as of air: falling flat it reaches 2.5 m/s (1.8 m/s by drag)."""
 
 
-def cloth(pins: tuple[int, ...] = (), tethers: float | None = None) -> Garment:
+def cloth(
+    pins: tuple[int, ...] = (),
+    tethers: float | None = None,
+    damping: float = MATERIAL.damping,
+) -> Garment:
     """The cloth, flat, 0.05 m above the sphere."""
     vertices, triangles = grid(50)
     vertices = vertices - 0.5 * np.array([1.0, 1.0, 0.0]) + np.array([0.0, 0.0, RADIUS + 0.05])
@@ -55,7 +60,7 @@ def cloth(pins: tuple[int, ...] = (), tethers: float | None = None) -> Garment:
         name="cloth",
         vertices=vertices,
         triangles=triangles,
-        material=MATERIAL,
+        material=dataclasses.replace(MATERIAL, damping=damping),
         frames=("bone",),
         T_world_frame_rest=np.eye(4)[None],
         frame_index=np.zeros((len(vertices), 1), np.int32),
@@ -95,6 +100,7 @@ def run(
     frame: float,
     pinned: bool,
     tethers: float | None = None,
+    damping: float = MATERIAL.damping,
 ) -> dict[str, float]:
     """One drape and its figures."""
     ball = Collider(name="ball", kind="sphere", bone="bone", geometry={"radius": RADIUS})
@@ -102,7 +108,7 @@ def run(
         colliders=(Collider(name="frame_bone", kind="frame", bone="bone"), ball)
     )
     simulation = Simulation(
-        (cloth((0, 49) if pinned else (), tethers),),
+        (cloth((0, 49) if pinned else (), tethers, damping),),
         colliders,
         solver=solver,
         settings=settings,  # type: ignore[arg-type]
@@ -160,6 +166,7 @@ def main() -> None:
     parser.add_argument("--bending-every", type=int, default=4)
     parser.add_argument("--pinned", type=float, help="hang it by two corners; frame [s]")
     parser.add_argument("--tethers", type=float, help="with tethers that stretch by this part")
+    parser.add_argument("--damping", type=float, default=MATERIAL.damping, help="[1/s]")
     parser.add_argument("--json", action="store_true", help="print one JSON object only")
     options = parser.parse_args()
     figures = {}
@@ -182,6 +189,7 @@ def main() -> None:
                 *(options.solver, settings, step, folder, frame),
                 pinned=options.pinned is not None,
                 tethers=options.tethers,
+                damping=options.damping,
             )
             if not options.json:
                 print(f"{n} sub-steps: " + ", ".join(f"{k} {v}" for k, v in figures[n].items()))

@@ -44,56 +44,64 @@ def nearest_triangle(
 def separate(
     mine: tuple[FloatArray, FloatArray, FloatArray],
     other: tuple[FloatArray, FloatArray, FloatArray],
+    own: IntArray,
     triangles: IntArray,
     border: set[tuple[int, int]],
     *,
+    only: int,
     side: float,
     thickness: float,
     friction: float,
     reach: float,
-) -> int:
+    way: float,
+) -> bool:
     """Positions, velocities and inverse masses of both garments; changes the first two in place.
 
     Args:
         mine: Of the particles.
         other: Of the garment whose triangles they meet.
+        own: A triangle of their own mesh at each particle.
         triangles: Those triangles.
         border: Its border's edges, lower particle first.
+        only: The particle that meets them; others are not looked at.
         side: 1 where the particles belong outside, -1 inside.
         thickness: Distance to keep [m].
         friction: Coulomb coefficient.
         reach: Farthest triangle that is met [m].
+        way: Farthest that both move apart at once [m].
 
     Returns:
-        Number of particles that touched.
+        Whether it touched.
     """
     (x, v, m), (y, u, n) = mine, other
-    touched = 0
-    for p in range(len(x)):
-        t, w = nearest_triangle(x[p], y, triangles, reach)
-        if t < 0:
-            continue
-        corner = triangles[t]
-        on = [int(i) for i in corner[w > 0.0]]
-        if len(on) < 3 and any(set(on) <= set(edge) for edge in border):
-            continue
-        a, b, c = y[corner]
-        normal = side * np.cross(b - a, c - a)
-        normal /= np.linalg.norm(normal)
-        depth = thickness - (x[p] - w @ y[corner]) @ normal
-        total = m[p] + (w**2 * n[corner]).sum()
-        if depth <= 0.0 or total == 0.0:
-            continue
-        touched += 1
-        relative = v[p] - w @ u[corner]
-        closing = max(-relative @ normal, 0.0)
-        slip = relative - (relative @ normal) * normal
-        length = np.linalg.norm(slip)
-        held = 1.0 if length <= friction * closing else friction * closing / length
-        impulse = (closing * normal - held * slip) / total
-        x[p] += m[p] * depth / total * normal
-        v[p] += m[p] * impulse
-        for i, wi in zip(corner, w):
-            y[i] -= wi * n[i] * depth / total * normal
-            u[i] -= wi * n[i] * impulse
-    return touched
+    p = only
+    t, w = nearest_triangle(x[p], y, triangles, reach)
+    if t < 0:
+        return False
+    corner = triangles[t]
+    on = [int(i) for i in corner[w > 0.0]]
+    if len(on) < 3 and any(set(on) <= set(edge) for edge in border):
+        return False
+    a, b, c = y[corner]
+    outward = np.cross(b - a, c - a)
+    d, e, f = x[own[p]]
+    if outward @ np.cross(e - d, f - d) < 0.0:
+        return False
+    normal = side * outward / np.linalg.norm(outward)
+    depth = thickness - (x[p] - w @ y[corner]) @ normal
+    total = m[p] + (w**2 * n[corner]).sum()
+    if depth <= 0.0 or total == 0.0:
+        return False
+    relative = v[p] - w @ u[corner]
+    closing = max(-relative @ normal, 0.0)
+    slip = relative - (relative @ normal) * normal
+    length = np.linalg.norm(slip)
+    held = 1.0 if length <= friction * closing else friction * closing / length
+    impulse = (closing * normal - held * slip) / total
+    push = min(depth, way) / total * normal
+    x[p] += m[p] * push
+    v[p] += m[p] * impulse
+    for i, wi in zip(corner, w):
+        y[i] -= wi * n[i] * push
+        u[i] -= wi * n[i] * impulse
+    return True
