@@ -47,17 +47,20 @@ def remeshed(
     for _ in range(_ROUNDS):
         vertices, triangles = _round(vertices, triangles, length, project)
         length *= np.sqrt(len(vertices) / count)
+    best, evenest = (vertices, triangles), -1.0
     for _ in range(_ATTEMPTS):
         vertices, triangles = _with(count, vertices, triangles, project)
         for _ in range(_ROUNDS):
             vertices, triangles = _relaxed(vertices, triangles, project)
         size = _lengths(vertices, edge_table(triangles)[0])
-        if size.min() > _SHORTEST * np.median(size):
+        median = float(np.median(size))
+        if size.min() / median > evenest:
+            best, evenest = (vertices, triangles), float(size.min()) / median
+        if evenest > _SHORTEST:
             break
         # A vertex too many here is one too few elsewhere, which no smoothing mends.
-        shortest = _SHORTEST * float(np.median(size))
-        vertices, triangles = _collapsed(vertices, triangles, shortest, len(vertices))
-    return _with(count, vertices, triangles, project)
+        vertices, triangles = _collapsed(vertices, triangles, _SHORTEST * median, len(vertices))
+    return best
 
 
 def _with(
@@ -160,10 +163,16 @@ def _collapsed(
         shared = around[a] & around[b]
         ring_a = {v for f in around[a] for v in faces[f]} - {a, b}
         ring_b = {v for f in around[b] for v in faces[f]} - {a, b}
+        if len(ring_a) == 2 and not on_boundary[a]:
+            a, b, ring_a, ring_b = b, a, ring_b, ring_a
+        # A vertex within one triangle of its three neighbours: that triangle is what stays.
+        within = len(ring_b) == 2 and not on_boundary[b]
         fewest = 2 if on_boundary[a] else 3
-        if len(ring_a & ring_b) != len(shared) or min(len(ring_a), len(ring_b)) < fewest:
+        least = len(ring_a) if within else min(len(ring_a), len(ring_b))
+        if len(ring_a & ring_b) != len(shared) or least < fewest:
             continue
-        place = x[a] if on_boundary[a] and not on_boundary[b] else 0.5 * (x[a] + x[b])
+        to_a = within or (on_boundary[a] and not on_boundary[b])
+        place = x[a] if to_a else 0.5 * (x[a] + x[b])
         moved = [(f, a) for f in around[a] - shared] + [(f, b) for f in around[b] - shared]
         if any(_turns(x, faces[f], v, place) for f, v in moved):
             continue
