@@ -1,13 +1,13 @@
 """What each feature costs, and what it does, alone: the dressed walk with and without it.
 
-    python bench/features.py [--seconds 4] [--json]
+    python bench/features.py [--seconds 4] [--solver relaxation] [--json]
 
-A T-shirt and a short skirt of 1,503 and 1,687 vertices on the walking mannequin with hulls, solver
-`relaxation` at its defaults. "Plain" has one layer, no farthest distance and no friction; every
-other row adds one thing to it. All rows take turns, frame by frame, in one run: cost is the median
-over frames of a row's processor time over that of "plain" in the same frame. Effect is how far the
-cloth is from where it is without the feature, 95th percentile over particles and frames; memory is
-what a row takes more than "plain".
+A T-shirt and a short skirt of 1,503 and 1,687 vertices on the walking mannequin with hulls, a
+solver at its defaults. "Plain" has one layer, no farthest distance and no friction; every other
+row adds one thing to it, but one takes bending away. All rows take turns, frame by frame, in one
+run: cost is the median over frames of a row's processor time over that of "plain" in the same
+frame. Effect is how far the cloth is from where it is without the feature, 95th percentile over
+particles and frames; memory is what a row takes more than "plain".
 """
 
 import argparse
@@ -26,8 +26,9 @@ from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.geometry.shapes import ColliderSet
-from garment_sim_ros.params import ColliderOptions, Environment, RelaxationSettings
+from garment_sim_ros.params import ColliderOptions, Environment
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.solvers import SOLVERS
 
 Garments = list[Garment]
 Change = Callable[[Garment], Garment]
@@ -39,7 +40,7 @@ class Row:
 
     garments: Garments
     environment: Environment = dataclasses.field(default_factory=Environment)
-    settings: RelaxationSettings = dataclasses.field(default_factory=RelaxationSettings)
+    contact_points: str = "particles"
 
 
 def rows(worn: Garments) -> dict[str, Row]:
@@ -67,14 +68,15 @@ def rows(worn: Garments) -> dict[str, Row]:
     breeze = Environment(wind=(2.0, 0.0, 0.0), wind_drag=1.2, wind_lift=0.4)
     return {
         "plain": Row(plain),
+        "no bending": changed(lambda g: fabric(g, bending_stiffness=0.0)),
         "friction": changed(lambda g: fabric(g, friction=0.3)),
         "layers": Row(layered),
         "max_distance 0.1 m": everywhere("max_distance", 0.1),
         "backstop 0.02 m": everywhere("backstop", 0.02),
         "tethers": each(tethers=0.02),
         "self-collision 5 mm": each(self_collision=0.005),
-        "contact points on edges": Row(plain, settings=RelaxationSettings(contact_points="edges")),
-        "contact points on both": Row(plain, settings=RelaxationSettings(contact_points="both")),
+        "contact points on edges": Row(plain, contact_points="edges"),
+        "contact points on both": Row(plain, contact_points="both"),
         "wind on triangles": Row(plain, breeze),
         "gusts": Row(plain, dataclasses.replace(breeze, gust=1.0)),
         "root motion taken out": Row(
@@ -83,11 +85,15 @@ def rows(worn: Garments) -> dict[str, Row]:
     }
 
 
-def made(row: Row, colliders: ColliderSet) -> tuple[Simulation, float]:
+def made(row: Row, colliders: ColliderSet, solver: str) -> tuple[Simulation, float]:
     """A simulation, and the memory that it took [MB]."""
     tracemalloc.start()
     simulation = Simulation(
-        row.garments, colliders, environment=row.environment, settings=row.settings
+        row.garments,
+        colliders,
+        environment=row.environment,
+        solver=solver,
+        settings=SOLVERS[solver].settings(contact_points=row.contact_points),
     )
     size = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
@@ -98,6 +104,7 @@ def main() -> None:
     """Runs all rows in turns."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--seconds", type=float, default=4.0)
+    parser.add_argument("--solver", default="relaxation", choices=SOLVERS)
     parser.add_argument("--json", action="store_true", help="print one JSON object only")
     options = parser.parse_args()
     walk = Walk("mannequin", "walk", options.seconds)
@@ -106,7 +113,7 @@ def main() -> None:
     path = walk.poses(colliders)
     simulations, memory = {}, {}
     for name, row in rows(list(worn)).items():
-        simulations[name], memory[name] = made(row, colliders)
+        simulations[name], memory[name] = made(row, colliders, options.solver)
         simulations[name].reset(path[0])
     times: dict[str, list[float]] = {name: [] for name in simulations}
     apart: dict[str, list[np.ndarray]] = {name: [] for name in simulations}
