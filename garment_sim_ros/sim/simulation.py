@@ -104,16 +104,15 @@ class Simulation:
             for outer in self._worn.values()
         }
         # In layers, those that meet others step together if the solver can: they then rest.
-        self._together = [
-            worn
-            for name, worn in self._worn.items()
+        meet = {
+            name
+            for outer, pairs in self._under.items()
+            for inner, _ in pairs
+            for name in (outer, inner.garment.name)
             if self._solver.step_layers is not None
-            and any(
-                worn is inner or name == outer
-                for outer, pairs in self._under.items()
-                for inner, _ in pairs
-            )
-        ]
+        }
+        self._together = [worn for name, worn in self._worn.items() if name in meet]
+        self._alone = [worn for name, worn in self._worn.items() if name not in meet]
         self.time = 0.0
         self.outran = 0
         self.parameters = Parameters(
@@ -289,17 +288,17 @@ class Simulation:
             self._take_along(dt / steps)
             if self._together:
                 self._step_together(dt / steps)
+            for worn in self._alone:
+                self._step(
+                    worn,
+                    worn.model,
+                    self._colliders,
+                    self.parameters,
+                    worn.state,
+                    worn.workspace,
+                    dt / steps,
+                )
             for worn in self._worn.values():
-                if worn not in self._together:
-                    self._step(
-                        worn,
-                        worn.model,
-                        self._colliders,
-                        self.parameters,
-                        worn.state,
-                        worn.workspace,
-                        dt / steps,
-                    )
                 worn.health.steps += 1
             self.time += dt / steps
         for worn in self._worn.values():
