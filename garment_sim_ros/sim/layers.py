@@ -192,11 +192,6 @@ class LayerPair:
             meeting.way[0] = _PARTING_SPEED * dt
         separate(of_outer)
         separate(of_inner)
-        return self.touched
-
-    @property
-    def touched(self) -> bool:
-        """Whether they touched at the end of the last step."""
         return any(meeting.found[1] > 0 for meeting in self._meetings)
 
 
@@ -209,9 +204,7 @@ def _meeting(
 ) -> tuple[Meeting, _Search]:
     """Those of my particles that `meets`, and the other's triangles whose corners all `is_met`."""
     (me, state), (it, other_state) = mine, other
-    particle = np.empty(len(it), np.int32)
-    particle[it.vertex] = np.arange(len(it), dtype=np.int32)
-    triangles = particle[it.triangles]
+    triangles = _as_particles(it, it.triangles)
     triangles = np.ascontiguousarray(triangles[is_met[triangles].all(axis=1)])
     cells = 1 << int(np.ceil(np.log2(max(len(triangles), 2))))
     mean_friction = np.sqrt(me.material.friction * it.material.friction)
@@ -274,9 +267,7 @@ def neighbours(triangles: IntArray) -> IntArray:
 
 def _one_at_each(model: ClothModel) -> IntArray:
     """A triangle at each particle, as particles, shape [n, 3]."""
-    particle = np.empty(len(model), np.int32)
-    particle[model.vertex] = np.arange(len(model), dtype=np.int32)
-    triangles = particle[model.triangles]
+    triangles = _as_particles(model, model.triangles)
     own = np.zeros((len(model), 3), np.int32)
     own[triangles.ravel()] = np.repeat(triangles, 3, axis=0)
     return own
@@ -284,9 +275,14 @@ def _one_at_each(model: ClothModel) -> IntArray:
 
 def _edges(model: ClothModel) -> IntArray:
     """Pairs of particles, shape [e, 2]."""
+    return _as_particles(model, mesh_topology(model.triangles).edges)
+
+
+def _as_particles(model: ClothModel, vertices: IntArray) -> IntArray:
+    """The particles of vertices, in an array of the same shape."""
     particle = np.empty(len(model), np.int32)
     particle[model.vertex] = np.arange(len(model), dtype=np.int32)
-    return particle[mesh_topology(model.triangles).edges]
+    return particle[vertices]
 
 
 def _edge_length(model: ClothModel) -> float:
