@@ -164,6 +164,7 @@ def main() -> None:
     parser.add_argument("--sub-steps", type=int, nargs="+", default=[12, 16, 32, 64])
     parser.add_argument("--iterations", type=int, default=1, help="passes or sweeps in each")
     parser.add_argument("--bending-every", type=int, default=4)
+    parser.add_argument("--coarse", action="store_true", help="with the coarse level of `xpbd`")
     parser.add_argument("--pinned", type=float, help="hang it by two corners; frame [s]")
     parser.add_argument("--tethers", type=float, help="with tethers that stretch by this part")
     parser.add_argument("--damping", type=float, default=MATERIAL.damping, help="[1/s]")
@@ -178,6 +179,7 @@ def main() -> None:
                     sub_step=frame / n,
                     iterations=options.iterations,
                     bending_every=min(options.bending_every, n),
+                    coarse=options.coarse,
                 )
                 step = frame
             elif options.solver == "implicit":

@@ -381,6 +381,10 @@ class XpbdSettings(_Sweeps):
         minimum=1,
         maximum=64,
     )
+    coarse: bool = parameter(
+        False,
+        "Links over several edges at once: less stretch with few sub-steps. With one pass only.",
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

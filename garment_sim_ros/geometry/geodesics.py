@@ -34,11 +34,14 @@ class MeshGraph:
     end: IntArray
     length: FloatArray
 
-    def distances(self, source: int | IntArray) -> tuple[FloatArray, IntArray]:
+    def distances(
+        self, source: int | IntArray, *, limit: float = np.inf
+    ) -> tuple[FloatArray, IntArray]:
         """Geodesic distance of every vertex to the nearest of the sources.
 
         Args:
             source: One vertex, or several.
+            limit: Vertices farther away than this [m] are as if there were no way.
 
         Returns:
             Distances [m], infinite where there is no way, shape [v]; the vertex before each on its
@@ -48,7 +51,7 @@ class MeshGraph:
         distance = np.full(v, np.inf)
         before = np.full(v, -1, dtype=np.int32)
         sources = np.atleast_1d(np.asarray(source, dtype=np.int32))
-        _dijkstra(self.start, self.end, self.length, sources, distance, before)
+        _dijkstra(self.start, self.end, self.length, sources, float(limit), distance, before)
         return distance, before
 
     def parts(self) -> tuple[int, IntArray]:
@@ -149,7 +152,7 @@ def _unfolded(vertices: FloatArray, triangles: IntArray) -> tuple[IntArray, Floa
 
 
 @exact_kernel()
-def _dijkstra(start, end, length, sources, distance, before):
+def _dijkstra(start, end, length, sources, limit, distance, before):
     """Dijkstra's algorithm with a binary heap; stale entries are skipped when they come up."""
     heap_key = np.empty(end.shape[0] + sources.shape[0] + 1)
     heap_vertex = np.empty(end.shape[0] + sources.shape[0] + 1, dtype=np.int32)
@@ -184,7 +187,7 @@ def _dijkstra(start, end, length, sources, distance, before):
         for e in range(start[vertex], start[vertex + 1]):
             other = end[e]
             candidate = key + length[e]
-            if candidate < distance[other]:
+            if candidate < distance[other] and candidate <= limit:
                 distance[other] = candidate
                 before[other] = vertex
                 i = size

@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
+BENT = 0.002
+
 
 def excess(length: float, rest: float, has_roots: bool) -> float:
     """How much longer an edge is than at rest, or what `kernels.edges` has for that [m]."""
@@ -61,3 +63,34 @@ def bend(
         for p, share in zip(particles, w):
             v[p] -= inverse_mass[p] * share * curvature / total / dt
     return v
+
+
+def pull_links(
+    x: FloatArray,
+    free: int,
+    cell: IntArray,
+    mass: FloatArray,
+    links: IntArray,
+    length: FloatArray,
+    give: FloatArray,
+) -> FloatArray:
+    """Positions [n, 3] after one pass over links [m, 2] between cells of particles.
+
+    A link joins the centres of mass of two cells; each gives way by `give` [m, 2] for each metre
+    that it is too long, and the cell's free particles, the first ones, with it. If it is too short
+    it pushes the less, the more it is, and not at all from a part `BENT` on.
+    """
+    x = np.array(x, dtype=np.float64)
+    cells = range(int(cell.max()) + 1)
+    centre = np.array([np.average(x[cell == c], axis=0, weights=mass[cell == c]) for c in cells])
+    start = centre.copy()
+    for (a, b), rest, (give_a, give_b) in zip(links, length, give):
+        apart = centre[a] - centre[b]
+        distance = float(np.linalg.norm(apart))
+        over = distance - rest
+        if over < 0.0:
+            over *= max(0.0, 1.0 + over / distance / BENT)
+        centre[a] -= give_a * over * apart / distance
+        centre[b] += give_b * over * apart / distance
+    x[:free] += (centre - start)[cell[:free]]
+    return x

@@ -110,6 +110,7 @@ def hinge_forces(x, particles, place, weight, stiffness, force):
         stiffness: Shape [h] [N/m].
         force: Changed in place [N], shape [3, free + 1].
     """
+    fx, fy, fz = force[0], force[1], force[2]
     for n in range(stiffness.size):
         i = np.uint64(particles[n, 0])
         j = np.uint64(particles[n, 1])
@@ -123,17 +124,24 @@ def hinge_forces(x, particles, place, weight, stiffness, force):
         w1 = weight[n, 1]
         w2 = weight[n, 2]
         w3 = weight[n, 3]
-        for axis in range(3):
-            # Differences of positions first: weights cancel only up to rounding.
-            pull = stiffness[n] * (
-                w0 * (x[i, axis] - x[m, axis])
-                + w1 * (x[j, axis] - x[m, axis])
-                + w2 * (x[k, axis] - x[m, axis])
-            )
-            force[axis, a] -= w0 * pull
-            force[axis, b] -= w1 * pull
-            force[axis, c] -= w2 * pull
-            force[axis, d] -= w3 * pull
+        # Differences of positions first: weights cancel only up to rounding.
+        x3, y3, z3 = x[m, 0], x[m, 1], x[m, 2]
+        s = stiffness[n]
+        px = s * (w0 * (x[i, 0] - x3) + w1 * (x[j, 0] - x3) + w2 * (x[k, 0] - x3))
+        py = s * (w0 * (x[i, 1] - y3) + w1 * (x[j, 1] - y3) + w2 * (x[k, 1] - y3))
+        pz = s * (w0 * (x[i, 2] - z3) + w1 * (x[j, 2] - z3) + w2 * (x[k, 2] - z3))
+        fx[a] -= w0 * px
+        fy[a] -= w0 * py
+        fz[a] -= w0 * pz
+        fx[b] -= w1 * px
+        fy[b] -= w1 * py
+        fz[b] -= w1 * pz
+        fx[c] -= w2 * px
+        fy[c] -= w2 * py
+        fz[c] -= w2 * pz
+        fx[d] -= w3 * px
+        fy[d] -= w3 * py
+        fz[d] -= w3 * pz
 
 
 @kernel()

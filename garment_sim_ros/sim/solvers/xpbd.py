@@ -55,7 +55,7 @@ def step(
     count, bending_every = _sub_steps(workspace, params, dt)
     shared = _shares(model, params)
     given = _given(model, colliders, params, state, workspace, dt, count, bending_every, shared)
-    advance: Callable[..., int] = run_sub_steps
+    advance = _machine_code(workspace, shared, given, count)
     workspace.contact_count = advance(*given, 0, count)
 
 
@@ -85,10 +85,7 @@ def step_layers(
         given.append(
             _given(model, colliders, params, state, workspace, dt, count, bending_every, shared)
         )
-        types = (shared, workspace.points is None)
-        if types != workspace.code_for:
-            workspace.code = compiled(run_sub_steps, *given[-1], 0, count)
-            workspace.code_for = types
+        _machine_code(workspace, shared, given[-1], count)
     for s in range(count):
         for (_, _, workspace), g in zip(garments, given, strict=True):
             workspace.contact_count = workspace.code(*g, s, s + 1)
@@ -120,6 +117,17 @@ def _shares(model: ClothModel, params: Parameters) -> bool:
     return True
 
 
+def _machine_code(
+    workspace: XpbdWorkspace, shared: bool, given: tuple[Any, ...], count: int
+) -> Callable[..., int]:
+    """`run_sub_steps` for what is given, whose types take longer to look at than the call."""
+    types = (shared, workspace.points is None)
+    if types != workspace.code_for:
+        workspace.code = compiled(run_sub_steps, *given, 0, count)
+        workspace.code_for = types
+    return workspace.code
+
+
 def _given(
     model: ClothModel,
     colliders: ColliderState,
@@ -139,7 +147,8 @@ def _given(
     material, environment = model.material, params.environment
     drag = material.air_drag / material.areal_density
     rate = material.damping + drag
-    workspace.prepare(model, h, rate, bending_every)
+    coarse = settings.coarse and settings.iterations == 1
+    workspace.prepare(model, h, rate, bending_every, coarse)
     if workspace.between is None:
         a, b = colliders.start.copy(), ColliderPoses.identity(len(colliders.start.position))
         scratch = np.zeros((3, 3, 3))
@@ -161,6 +170,7 @@ def _given(
         workspace.x_predicted,
         workspace.low,
         workspace.prepared,
+        workspace.coarse,
         workspace.parts if shared else None,
         workspace.attached,
         model.pin_collider,

@@ -13,6 +13,12 @@ from garment_sim_ros.sim.kernels.bending import prepare_hinges
 from garment_sim_ros.sim.kernels.edges import prepare_edges
 from garment_sim_ros.sim.kernels.sub_steps import run_sub_steps
 from garment_sim_ros.sim.model import ClothModel
+from garment_sim_ros.sim.solvers.coarse import (
+    CoarseLevel,
+    LinkMaterial,
+    coarse_level,
+    prepare_links,
+)
 from garment_sim_ros.sim.solvers.sweep_order import inward_order
 from garment_sim_ros.sim.state import Workspace
 
@@ -63,9 +69,11 @@ class XpbdWorkspace(Workspace):
         hinge_weight: Weights of the hinges' curvature, shape [h, 4].
         hinge_stiffness: Their stiffnesses [N/m], shape [h].
         prepared: What the sub-steps need, for one length of them.
+        coarse: A coarse level of the edges, for the same, where it is asked for.
+        link_material: What it is made of; None where there is none.
         parts: What of it threads can share.
-        prepared_for: That length [s], the rate of damping [1/s] and the sub-steps for each pass
-            over the hinges.
+        prepared_for: That length [s], the rate of damping [1/s], the sub-steps for each pass over
+            the hinges, and whether there is a coarse level.
         place: Points of the planes in which particles touch shapes [m], shape [free, 3].
         ride: How far those move in a sub-step [m], shape [free, 3].
         x_end: Positions at the end of the last step [m], shape [n, 3].
@@ -87,8 +95,10 @@ class XpbdWorkspace(Workspace):
     hinge_weight: FloatArray
     hinge_stiffness: FloatArray
     prepared: Prepared
+    coarse: CoarseLevel
+    link_material: LinkMaterial | None
     parts: Parts
-    prepared_for: tuple[float, float, int]
+    prepared_for: tuple[float, float, int, bool]
     place: SingleArray
     ride: SingleArray
     x_end: SingleArray
@@ -135,8 +145,10 @@ class XpbdWorkspace(Workspace):
                 hinge_particles=np.ascontiguousarray(bending.particles[used]),
                 hinges=np.zeros((h, 8), np.float32),
             ),
+            coarse=CoarseLevel.none(),
+            link_material=None,
             parts=Parts(edges=edge_start, hinges=hinge_start),
-            prepared_for=(0.0, 0.0, 0),
+            prepared_for=(0.0, 0.0, 0, False),
             place=np.zeros((model.free_count, 3), np.float32),
             ride=np.zeros((model.free_count, 3), np.float32),
             x_end=np.full((len(model), 3), np.nan, np.float32),
@@ -149,9 +161,19 @@ class XpbdWorkspace(Workspace):
             code_for=None,
         )
 
-    def prepare(self, model: ClothModel, dt: float, rate: float, bending_every: int) -> None:
-        """Fills `prepared` for sub-steps of dt [s] and a rate of damping [1/s], unless it is."""
-        if self.prepared_for == (dt, rate, bending_every):
+    def prepare(
+        self, model: ClothModel, dt: float, rate: float, bending_every: int, coarse: bool = False
+    ) -> None:
+        """Fills `prepared` and `coarse` for sub-steps, unless they are.
+
+        Args:
+            model: The garment.
+            dt: Sub-step [s].
+            rate: Of damping [1/s].
+            bending_every: Sub-steps for each pass over the hinges.
+            coarse: Whether there shall be a coarse level.
+        """
+        if self.prepared_for == (dt, rate, bending_every, coarse):
             return
         ready = self.prepared
         prepare_edges(
@@ -163,6 +185,13 @@ class XpbdWorkspace(Workspace):
             dt,
             ready.edges,
         )
+        if coarse != self.prepared_for[3]:
+            edges = ready.edge_particles.reshape(-1, 2).astype(np.int32)
+            level = coarse_level(model, edges, self.stiffness) if coarse else None
+            self.coarse, self.link_material = level or (CoarseLevel.none(), None)
+        if self.link_material is not None:
+            left, keep = ready.edges[:, 3], 1.0 / (1.0 + dt * rate)
+            prepare_links(self.coarse, self.link_material, left, keep, dt)
         prepare_hinges(
             ready.hinge_particles,
             self.hinge_weight,
@@ -172,4 +201,4 @@ class XpbdWorkspace(Workspace):
             dt * bending_every,
             ready.hinges,
         )
-        self.prepared_for = (dt, rate, bending_every)
+        self.prepared_for = (dt, rate, bending_every, coarse)
