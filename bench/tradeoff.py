@@ -54,6 +54,7 @@ class Setting:
             how = f"{self.steps} steps of {self.settings.sweeps} sweeps"
         else:
             how = f"{round(FRAME / self.settings.sub_step)} sub-steps"
+            how += ", coarse" * self.settings.coarse
         return f"{self.colliders}, {self.solver}, {how}"
 
 
@@ -64,7 +65,10 @@ SETTINGS = [
         Setting("hulls", "relaxation", RelaxationSettings(sweeps=sweeps), steps)
         for steps, sweeps in ((2, 3), (3, 1), (3, 10), (6, 3), (12, 3))
     ),
-    *(Setting("hulls", "xpbd", XpbdSettings(sub_step=FRAME / n), 1) for n in (8, 20, 40)),
+    *(
+        Setting("hulls", "xpbd", XpbdSettings(sub_step=FRAME / n, coarse=coarse), 1)
+        for n, coarse in ((8, False), (8, True), (20, False), (20, True), (40, False))
+    ),
 ]
 
 

@@ -34,7 +34,12 @@ SLOPE = np.radians(45.0)
 """How far from the horizontal the cloth starts, downwards."""
 REFERENCE = ("xpbd", XpbdSettings(sub_step=FRAME / 960, bending_every=4), FRAME)
 CHECK = ("implicit", ImplicitSettings(sub_step=FRAME / 32, iterations=20), FRAME)
-COLOUR = {"relaxation": (120, 120, 120), "xpbd": (31, 119, 180), "implicit": (214, 110, 20)}
+COLOUR = {
+    "relaxation": (120, 120, 120),
+    "xpbd": (31, 119, 180),
+    "xpbd, coarse": (40, 150, 60),
+    "implicit": (214, 110, 20),
+}
 
 
 def settings() -> dict[str, dict[str, tuple[str, Any, float]]]:
@@ -48,6 +53,8 @@ def settings() -> dict[str, dict[str, tuple[str, Any, float]]]:
                 rows["relaxation"][f"{steps} x {sweeps}"] = ("relaxation", numbers, step)
     for n in (5, 7, 10, 15, 20, 30, 40, 60, 80, 160, 320):
         rows["xpbd"][f"{n}"] = ("xpbd", XpbdSettings(sub_step=FRAME / n), FRAME)
+        numbers = XpbdSettings(sub_step=FRAME / n, coarse=True)
+        rows["xpbd, coarse"][f"{n}"] = ("xpbd", numbers, FRAME)
     for n in (1, 2, 4, 8, 16):
         for k in (1, 2, 4, 8, 16):
             if n * k <= 64:

@@ -65,32 +65,38 @@ def bend(
     return v
 
 
-def pull_links(
+def pull_cells(
     x: FloatArray,
     free: int,
     cell: IntArray,
     mass: FloatArray,
-    links: IntArray,
-    length: FloatArray,
-    give: FloatArray,
+    corners: IntArray,
+    strains: FloatArray,
+    sides: FloatArray,
 ) -> FloatArray:
-    """Positions [n, 3] after one pass over links [m, 2] between cells of particles.
+    """Positions [n, 3] after one pass over triangles [t, 3] between cells of particles.
 
-    A link joins the centres of mass of two cells; each gives way by `give` [m, 2] for each metre
-    that it is too long, and the cell's free particles, the first ones, with it. If it is too short
-    it pushes the less, the more it is, and not at all from a part `BENT` on.
+    Along warp and weft a metre of cloth is laid from a triangle's first corner, so much along one
+    side and so much along the other; what it is too long by moves corners, as `strains` [t, 2, 5]
+    say, and the free particles of those cells, the first ones, with them. If it is too short it
+    pushes the less, the more it is, and not at all from a part `BENT` on. The less, too, the
+    shorter its longest side is for one laid flat; `sides` [t, 3] are one over their squares.
     """
     x = np.array(x, dtype=np.float64)
     cells = range(int(cell.max()) + 1)
     centre = np.array([np.average(x[cell == c], axis=0, weights=mass[cell == c]) for c in cells])
     start = centre.copy()
-    for (a, b), rest, (give_a, give_b) in zip(links, length, give):
-        apart = centre[a] - centre[b]
-        distance = float(np.linalg.norm(apart))
-        over = distance - rest
-        if over < 0.0:
-            over *= max(0.0, 1.0 + over / distance / BENT)
-        centre[a] -= give_a * over * apart / distance
-        centre[b] += give_b * over * apart / distance
+    for triangle, both, flat in zip(corners, strains, sides):
+        a, b, c = centre[triangle]
+        longest = max([np.sum((a - b) ** 2), np.sum((a - c) ** 2), np.sum((b - c) ** 2)] * flat)
+        taut = min(1.0, max(0.0, 1.0 + (longest - 1.0) / (2.0 * BENT)))
+        for u, v, *give in both:
+            a, b, c = centre[triangle]
+            metre = u * (b - a) + v * (c - a)
+            length = float(np.linalg.norm(metre))
+            over = taut * (length - 1.0)
+            if over < 0.0:
+                over *= max(0.0, 1.0 + over / length / BENT)
+            centre[triangle] -= np.outer(give, over * metre / length)
     x[:free] += (centre - start)[cell[:free]]
     return x

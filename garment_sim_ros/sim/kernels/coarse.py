@@ -1,4 +1,4 @@
-"""Links between cells of a garment: its coarse level in a sub-step."""
+"""Strain of triangles of cells: the coarse level of a garment in a sub-step."""
 
 import numpy as np
 
@@ -9,12 +9,13 @@ _TWO = np.uint64(2)
 _THREE = np.uint64(3)
 _ONCE = np.float32(1.0)
 _BENT = np.float32(0.002)
-"""A link that is shorter by this part is bent and does not push; less so, the more it is."""
+"""Threads shorter by this part are bent and do not push; less so, the more they are. Where no side
+of a triangle is longer, it is folded, and its threads are not where its corners tell."""
 
 
 @kernel(forceinline=True)
-def pull_links(x, moved, apart, coarse):
-    """One Gauss-Seidel pass over links; free particles move as their cells do.
+def pull_cells(x, moved, apart, coarse):
+    """One Gauss-Seidel pass over triangles of cells; free particles move as their cells do.
 
     Args:
         x: Positions, flat [m], shape [3 n].
@@ -23,11 +24,10 @@ def pull_links(x, moved, apart, coarse):
         apart: Whether it is the latter.
         coarse: `solvers.coarse.CoarseLevel`.
     """
-    if coarse.links.shape[0] == 0:
+    if coarse.strains.shape[0] == 0:
         return
-    centre, shift = coarse.centre.reshape(-1), coarse.shift.reshape(-1)
+    centre, start = coarse.centre.reshape(-1), coarse.start.reshape(-1)
     centre[:] = np.float32(0.0)
-    shift[:] = np.float32(0.0)
     for p in range(coarse.cell.size):
         i = _THREE * np.uint64(p)
         c = _THREE * np.uint64(coarse.cell[p])
@@ -40,32 +40,53 @@ def pull_links(x, moved, apart, coarse):
         centre[c] += part * px
         centre[c + _ONE] += part * py
         centre[c + _TWO] += part * pz
+    start[:] = centre
     pulled = False
-    for m in range(coarse.links.shape[0]):
-        i = _THREE * np.uint64(coarse.ends[2 * m])
-        j = _THREE * np.uint64(coarse.ends[2 * m + 1])
-        dx = (centre[i] - centre[j]) + (shift[i] - shift[j])
-        dy = (centre[i + _ONE] - centre[j + _ONE]) + (shift[i + _ONE] - shift[j + _ONE])
-        dz = (centre[i + _TWO] - centre[j + _TWO]) + (shift[i + _TWO] - shift[j + _TWO])
-        squared = dx * dx + dy * dy + dz * dz
-        rest = coarse.links[m, 0]
-        if squared > (_ONCE - _BENT - _BENT) * rest * rest:
-            f = _ONCE - rest / np.sqrt(squared)
+    for t in range(coarse.strains.shape[0]):
+        i = _THREE * np.uint64(coarse.corners[3 * t])
+        j = _THREE * np.uint64(coarse.corners[3 * t + 1])
+        k = _THREE * np.uint64(coarse.corners[3 * t + 2])
+        longest = np.float32(0.0)
+        for a, b, side in ((i, j, 0), (i, k, 1), (j, k, 2)):
+            dx, dy = centre[a] - centre[b], centre[a + _ONE] - centre[b + _ONE]
+            dz = centre[a + _TWO] - centre[b + _TWO]
+            longest = max(longest, (dx * dx + dy * dy + dz * dz) * coarse.sides[t, side])
+        taut = min(_ONCE, _ONCE + (longest - _ONCE) / (_BENT + _BENT))
+        if taut < np.float32(0.0):
+            continue
+        for direction in range(2):
+            u = coarse.strains[t, direction, 0]
+            v = coarse.strains[t, direction, 1]
+            x0, y0, z0 = centre[i], centre[i + _ONE], centre[i + _TWO]
+            dx = u * (centre[j] - x0) + v * (centre[k] - x0)
+            dy = u * (centre[j + _ONE] - y0) + v * (centre[k + _ONE] - y0)
+            dz = u * (centre[j + _TWO] - z0) + v * (centre[k + _TWO] - z0)
+            squared = dx * dx + dy * dy + dz * dz
+            if squared < _ONCE - _BENT - _BENT:
+                continue
+            f = taut - taut / np.sqrt(squared)
             if f < np.float32(0.0):
                 f *= max(np.float32(0.0), _ONCE + f / _BENT)
-            a = coarse.links[m, 1] * f
-            b = coarse.links[m, 2] * f
-            shift[i] -= a * dx
-            shift[i + _ONE] -= a * dy
-            shift[i + _TWO] -= a * dz
-            shift[j] += b * dx
-            shift[j + _ONE] += b * dy
-            shift[j + _TWO] += b * dz
+            dx *= f
+            dy *= f
+            dz *= f
+            a = coarse.strains[t, direction, 2]
+            b = coarse.strains[t, direction, 3]
+            c = coarse.strains[t, direction, 4]
+            centre[i] = x0 - a * dx
+            centre[i + _ONE] = y0 - a * dy
+            centre[i + _TWO] = z0 - a * dz
+            centre[j] -= b * dx
+            centre[j + _ONE] -= b * dy
+            centre[j + _TWO] -= b * dz
+            centre[k] -= c * dx
+            centre[k + _ONE] -= c * dy
+            centre[k + _TWO] -= c * dz
             pulled = True
     if pulled:
         for p in range(coarse.free):
             i = _THREE * np.uint64(p)
             c = _THREE * np.uint64(coarse.cell[p])
-            moved[i] += shift[c]
-            moved[i + _ONE] += shift[c + _ONE]
-            moved[i + _TWO] += shift[c + _TWO]
+            moved[i] += centre[c] - start[c]
+            moved[i + _ONE] += centre[c + _ONE] - start[c + _ONE]
+            moved[i + _TWO] += centre[c + _TWO] - start[c + _TWO]

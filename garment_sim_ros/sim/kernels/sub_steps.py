@@ -9,7 +9,7 @@ from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.sim.kernels.attached import pull_attached
 from garment_sim_ros.sim.kernels.bending import bend
-from garment_sim_ros.sim.kernels.coarse import pull_links
+from garment_sim_ros.sim.kernels.coarse import pull_cells
 from garment_sim_ros.sim.kernels.edges import solve_edges, solve_edges_apart
 from garment_sim_ros.sim.kernels.in_parts import (
     bend_in_parts,
@@ -30,8 +30,6 @@ _HURRIED, _STILL, _KNOWN, _TOUCHING = range(4)
 """Places in the `flags` of a step."""
 _SHORT = np.float32(6e-4)
 """In a shorter sub-step [s] a coordinate's last place is too much velocity to round to."""
-_LONG = np.float32(9e-4)
-"""In a longer one [s] it is too little to keep even slow cloth from rest."""
 
 
 @kernel(forceinline=True)
@@ -149,8 +147,7 @@ def run_sub_steps(
     x_search, x_coast, search_position, search_orientation, since = last_search
     if first == 0:
         # Written so that a motion that is not known counts as none.
-        fast = dt > _SHORT and motion[0] > free * slow**2
-        flags[_HURRIED] = iterations == 1 and (dt > _LONG or fast)
+        flags[_HURRIED] = iterations == 1 and dt > _SHORT and motion[0] > free * slow**2
         flags[_STILL] = same_poses(start[0], start[1], end[0], end[1])
         if flags[_STILL]:
             pose_shapes(shapes, end[0], end[1], end[0], end[1], origin, scratch, posed)
@@ -236,7 +233,7 @@ def run_sub_steps(
         carry_pins(
             x[free:], v[free:], pin_collider, pin_position, to_position, to_orientation, origin, dt
         )
-        pull_links(flat, flat if hurried else moved, not hurried, coarse)
+        pull_cells(flat, flat if hurried else moved, not hurried, coarse)
         if hurried:
             if parts is None:
                 solve_edges(flat, cloth.edge_particles, cloth.edges)

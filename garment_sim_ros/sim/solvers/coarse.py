@@ -1,32 +1,35 @@
-"""A coarse level of a garment's edges: links between the middles of cells of some ten particles.
+"""A coarse level of a garment: stretch along its threads, between cells of some ten particles.
 
 In a sub-step of h everything falls by g h^2, and one pass over the edges brings it back if each
 edge is too long by some n g h^2, with n more of them hanging on it: a strain that has nothing to
-do with the fabric. Cells k edges wide, which move as one, make chains of n / k links, with 1 / k^2
-of that strain (Mueller 2008, "Hierarchical position based dynamics", has the idea).
+do with the fabric. Cells k edges wide, which move as one, make chains of n / k, with 1 / k^2 of
+that strain (Mueller 2008, "Hierarchical position based dynamics", has the idea).
 
-A link joins the centres of mass of two cells, which are as far apart as when the cloth lies flat,
-or nearer where it is bent or folded: a link pulls, and pushes back by no more than 0.2 % of its
-length. (If it only pulled, a net of links would draw cloth together sideways until it buckles.)
-Links have the fabric's stiffness, and leave to edges the part of a stretch for which these have
-the force: where sub-steps are so short that edges alone are right, links do nothing.
+Neighbouring cells make triangles of their centres of mass. Two constraints keep each from being
+stretched, along the warp and along the weft (those of Mueller et al. 2014, "Strain based
+dynamics", without shear: a net of bars in all directions would hold the bias, too, along which
+woven cloth gives a hundred times as much). Where the cloth is bent or folded centres are nearer
+than they were cut, and nothing acts, but for what is shorter by less than 0.2 %: if triangles only
+pulled they would draw cloth together sideways until it buckles.
 
-Constraints of centres of mass keep momentum and add no energy. Single particles for centres, which
-move what is around them the less the farther it is, leave as little stretch, but they feel one
-thing and move another: cloth under ten times its weight never came to rest.
+Triangles have the fabric's stiffness, and act on a stretch as far as it is an error of the pass:
+where sub-steps are so short that edges alone are right, they do nothing. Constraints of centres of
+mass keep momentum and add no energy. Single particles for centres, which move what is around them
+the less the farther it is, leave as little stretch, but they feel one thing and move another:
+cloth under ten times its weight never came to rest.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, diags_array
 
-from garment_sim_ros.geometry.geodesics import mesh_edges, mesh_graph
+from garment_sim_ros.geometry.geodesics import mesh_graph
 from garment_sim_ros.geometry.straight_lines import StraightLines
-from garment_sim_ros.sim.elasticity import edge_stiffness
+from garment_sim_ros.geometry.topology import vertex_normals
+from garment_sim_ros.sim.elasticity import warp_directions
 from garment_sim_ros.sim.model import ClothModel
-from garment_sim_ros.sim.solvers.sweep_order import inward_order
+from garment_sim_ros.sim.solvers.sweep_order import inward_levels
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
@@ -35,31 +38,36 @@ IndexArray = NDArray[np.uint32]
 
 _SPACING = 3.0
 """Least distance of cells' seeds, in mean edge lengths."""
-_FIRMNESS = 0.8
-"""Stiffness of links as a part of the fabric's: they do not contract sideways as it does."""
+_SLIMMEST = 0.2
+"""Triangles whose height is a smaller part of their longest side are left out."""
+_OF_EDGES = 0.8
+"""Stiffness of the edges along a thread of a mesh of equilateral triangles, over the fabric's."""
 
 
 class CoarseLevel(NamedTuple):
-    """Cells of a garment, and links between neighbours.
+    """Cells of a garment, and triangles of neighbours.
 
     Attributes:
         cell: Cell of each particle, shape [n], or [0] without a coarse level.
         part: Its part of the cell's mass, shape [n].
         free: Number of free particles, the first ones: only they move.
-        ends: Cells that the links join, flat, in the order of a pass, shape [2 m].
-        links: For a sub-step: rest length [m], and how far each end moves for each metre of
-            stretch, shape [m, 3].
+        corners: Cells of the triangles, flat, in the order of a pass, shape [3 t].
+        strains: For a sub-step, along warp and weft of each triangle: how a metre of cloth goes
+            along the sides from its first corner to the second and third [1/m]; how far the three
+            corners move for each metre of stretch, shape [t, 2, 5].
+        sides: Of each triangle laid flat, one over their squared lengths [1/m^2], shape [t, 3].
         centre: Scratch: centres of mass of the cells [m], shape [c, 3].
-        shift: Scratch: how far links move them [m], shape [c, 3].
+        start: Scratch: the same before the pass [m], shape [c, 3].
     """
 
     cell: IndexArray
     part: SingleArray
     free: int
-    ends: IndexArray
-    links: SingleArray
+    corners: IndexArray
+    strains: SingleArray
+    sides: SingleArray
     centre: SingleArray
-    shift: SingleArray
+    start: SingleArray
 
     @classmethod
     def none(cls) -> "CoarseLevel":
@@ -68,38 +76,39 @@ class CoarseLevel(NamedTuple):
             cell=np.zeros(0, np.uint32),
             part=np.zeros(0, np.float32),
             free=0,
-            ends=np.zeros(0, np.uint32),
-            links=np.zeros((0, 3), np.float32),
+            corners=np.zeros(0, np.uint32),
+            strains=np.zeros((0, 2, 5), np.float32),
+            sides=np.zeros((0, 3), np.float32),
             centre=np.zeros((0, 3), np.float32),
-            shift=np.zeros((0, 3), np.float32),
+            start=np.zeros((0, 3), np.float32),
         )
 
 
-class LinkMaterial(NamedTuple):
-    """What links are made of, whatever the sub-step.
+class Threads(NamedTuple):
+    """What triangles of cells are made of, whatever the sub-step.
 
     Attributes:
-        length: Rest lengths [m], shape [m].
-        stiffness: Stiffnesses [N/m], shape [m].
-        inverse_mass: Inverse masses of the cells that they join [1/kg], shape [m, 2].
-        near: Shares of the edges around each link, by their stiffness, sparse, shape [m, edges].
+        along: How a metre of warp and of weft goes along a triangle's sides from its first corner
+            to the second and third [1/m], shape [t, 2, 2].
+        area: Areas laid flat [m^2], shape [t].
+        stiffness: Of warp and weft [N/m], shape [2].
+        inverse_mass: Inverse masses of the corners [1/kg], shape [t, 3].
+        particle: Inverse masses of a particle in them, in the mean [1/kg], shape [t].
     """
 
-    length: FloatArray
+    along: FloatArray
+    area: FloatArray
     stiffness: FloatArray
     inverse_mass: FloatArray
-    near: Any
+    particle: FloatArray
 
 
-def coarse_level(
-    model: ClothModel, edges: IntArray, stiffness: FloatArray
-) -> tuple[CoarseLevel, LinkMaterial] | None:
-    """Cells of a garment and links between them; None if it is too small or narrow for any.
+def coarse_level(model: ClothModel, edges: IntArray) -> tuple[CoarseLevel, Threads] | None:
+    """Cells of a garment and triangles of them; None if it is too small or narrow for any.
 
     Args:
         model: The garment.
         edges: Its edges as particles, shape [e, 2].
-        stiffness: Their stiffnesses [N/m], shape [e].
     """
     if not len(edges):
         return None
@@ -115,65 +124,103 @@ def coarse_level(
     held = np.bincount(cell[:free], minlength=count) == 0
     inverse_mass = np.where(held, 0.0, 1.0 / mass)
 
-    # Cells that meet in a triangle are corners of one of the coarse level; its edges are links.
-    corners = np.sort(cell[triangles], axis=1)
-    corners = np.unique(corners[(np.diff(corners, axis=1) > 0).all(axis=1)], axis=0)
-    ends = mesh_edges(corners)
-    ends = ends[
-        (inverse_mass[ends].sum(axis=1) > 0.0) & reached.holds(ends[:, 0], seed[ends[:, 1]])
-    ]
-    if not len(ends):
-        return None
-    ends = ends[inward_order(seed[ends], triangles, free)]
-    way = reached.way(ends[:, 0], seed[ends[:, 1]])
-    firmness = _FIRMNESS * edge_stiffness(rest[seed], corners, ends, model.material)
-
-    # From seed to seed straight over the cloth; from there to the centres as cut.
+    # Cells that meet in a triangle of the mesh are the corners of a coarse one.
+    corners = cell[triangles]
+    corners = corners[(np.diff(np.sort(corners, axis=1), axis=1) > 0).all(axis=1)]
+    corners = corners[np.unique(np.sort(corners, axis=1), axis=0, return_index=True)[1]]
+    sides = corners[:, [[0, 1], [0, 2], [1, 2]]]
+    known = reached.holds(sides[..., 0], seed[sides[..., 1]]).all(axis=1)
+    corners = corners[known & (inverse_mass[corners].sum(axis=1) > 0.0)]
+    sides = corners[:, [[0, 1], [0, 2], [1, 2]]]
+    way = reached.way(sides[..., 0], seed[sides[..., 1]])
     centre = np.stack([np.bincount(cell, part * x, count) for x in rest.T], axis=1)
-    apart = rest[seed[ends[:, 1]]] - rest[seed[ends[:, 0]]]
-    apart *= (way / np.maximum(np.linalg.norm(apart, axis=1), 1e-30))[:, None]
-    beside = (centre - rest[seed])[ends]
-    length = np.linalg.norm(apart + beside[:, 1] - beside[:, 0], axis=1)
+    normal = np.zeros((n, 3), np.float32)
+    vertex_normals(rest.astype(np.float32), triangles, normal)
+    beside, normal = centre - rest[seed], normal[seed]
+    beside -= (beside * normal).sum(axis=1, keepdims=True) * normal
+    flat, threads = _laid_flat(rest[seed], beside, corners, way)
+    e, f = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
+    doubled = np.abs(e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0])
+    squared = np.stack([(side**2).sum(axis=1) for side in (e, f, f - e)], axis=1)
+    good = doubled > _SLIMMEST * squared.max(axis=1)
+    if not good.any():
+        return None
+    corners, area = corners[good], 0.5 * doubled[good]
+    along = np.linalg.solve(np.stack([e, f], axis=2)[good], threads[good]).transpose(0, 2, 1)
 
-    e = np.tile(np.arange(len(edges)), 2)
-    around = coo_matrix(
-        (np.tile(stiffness, 2), (cell[edges].T.ravel(), e)), shape=(count, len(edges))
-    ).tocsr()
-    near = around[ends[:, 0]] + around[ends[:, 1]]
-    near = diags_array(1.0 / np.maximum(np.asarray(near.sum(axis=1)).ravel(), 1e-30)) @ near
-
+    order = np.argsort(inward_levels(triangles, free)[seed[corners]].sum(axis=1), kind="stable")
+    corners, material = corners[order], model.material
     level = CoarseLevel(
         cell=cell.astype(np.uint32),
         part=part.astype(np.float32),
         free=free,
-        ends=np.ascontiguousarray(ends.ravel(), np.uint32),
-        links=np.zeros((len(ends), 3), np.float32),
+        corners=np.ascontiguousarray(corners.ravel(), np.uint32),
+        strains=np.zeros((len(corners), 2, 5), np.float32),
+        sides=(1.0 / squared[good][order]).astype(np.float32),
         centre=np.zeros((count, 3), np.float32),
-        shift=np.zeros((count, 3), np.float32),
+        start=np.zeros((count, 3), np.float32),
     )
-    return level, LinkMaterial(length, firmness, inverse_mass[ends], near)
+    return level, Threads(
+        along=along[order],
+        area=area[order],
+        stiffness=np.array([material.stretch_stiffness_warp, material.stretch_stiffness_weft]),
+        inverse_mass=inverse_mass[corners],
+        particle=(np.bincount(cell, minlength=count) / mass)[corners].mean(axis=1),
+    )
 
 
-def prepare_links(
-    level: CoarseLevel, material: LinkMaterial, left: SingleArray, keep: float, dt: float
-) -> None:
-    """What a sub-step needs of each link.
+def prepare_cells(level: CoarseLevel, threads: Threads, keep: float, dt: float) -> None:
+    """What a sub-step needs of each triangle.
 
     Args:
-        level: Cells and links; `links` is filled.
-        material: What they are made of.
-        left: Part of its stretch that a pass leaves in each edge for its compliance, shape [e].
+        level: Cells and triangles; `strains` is filled.
+        threads: What they are made of.
         keep: Part of velocity that damping leaves in a sub-step; of what forces add, too.
         dt: Sub-step [s].
     """
-    w = keep * material.inverse_mass
-    pull = material.stiffness * dt * dt
-    # At rest an edge is too long by its compliance and by about half of what a pass over that edge
-    # alone moves: each pass meets what those before it moved. Links take the part of the latter.
-    compliant = material.near @ left.astype(np.float64)
-    share = (1.0 - compliant) / (1.0 + compliant) * pull / (w.sum(axis=1) * pull + 1.0)
-    level.links[:, 0] = material.length
-    level.links[:, 1:] = w * share[:, None]
+    u, v = threads.along[..., 0], threads.along[..., 1]
+    gradient = np.stack([-u - v, u, v], axis=2)
+    w = keep * threads.inverse_mass[:, None] * gradient
+    pull = threads.area[:, None] * threads.stiffness * dt * dt
+    # At rest an edge along the thread is too long by its compliance 1 / k h^2 and by about half of
+    # what a pass over it alone moves: each pass meets what those before it moved. Triangles are
+    # for the latter part, which falls with dt^2. Cubed, because they are not quite as the fabric
+    # is: what they add to the error falls with dt^6, and is never most of it.
+    rigid = keep * threads.particle[:, None] * _OF_EDGES * threads.stiffness * dt * dt
+    share = (rigid / (rigid + 1.0)) ** 3 * pull / ((w * gradient).sum(axis=2) * pull + 1.0)
+    level.strains[..., :2] = threads.along
+    level.strains[..., 2:] = w * share[..., None]
+
+
+def _laid_flat(
+    seed: FloatArray, beside: FloatArray, corners: IntArray, way: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Triangles of cells laid in a plane, whose x axis leads from the first seed to the second.
+
+    Args:
+        seed: Places of all seeds [m], shape [c, 3].
+        beside: Ways over the cloth from seeds to centres of mass [m], shape [c, 3].
+        corners: Cells of the triangles, shape [t, 3].
+        way: Ways over the cloth between seeds: of the first two, the outer two, the last two [m],
+            shape [t, 3].
+
+    Returns:
+        Centres of mass [m], shape [t, 3, 2]; warp and weft as unit columns, shape [t, 2, 2].
+    """
+    a, b, c = (seed[corners[:, k]] for k in range(3))
+    axis = (b - a) / np.maximum(np.linalg.norm(b - a, axis=1, keepdims=True), 1e-30)
+    up = np.cross(np.cross(b - a, c - a), axis)
+    up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-30)
+    plane = np.stack([axis, up], axis=1)
+    first, second, third = way.T
+    flat = np.einsum("tkj,tdj->tkd", beside[corners], plane)
+    x = (first**2 + second**2 - third**2) / (2.0 * np.maximum(first, 1e-30))
+    flat[:, 1, 0] += first
+    flat[:, 2, 0] += x
+    flat[:, 2, 1] += np.sqrt(np.maximum(second**2 - x**2, 0.0))
+    cos, sin = np.einsum("tdj,tj->dt", plane, warp_directions(seed, corners))
+    threads = np.stack([np.stack([cos, sin], axis=1), np.stack([-sin, cos], axis=1)], axis=2)
+    return flat, threads
 
 
 class _Reached:

@@ -20,6 +20,24 @@ def rings(edges: IntArray, seeds: IntArray, n: int) -> IntArray:
     return np.where(np.isfinite(hops), hops, 0.0).astype(np.int32)
 
 
+def inward_levels(triangles: IntArray, free_count: int) -> IntArray:
+    """How far in each particle is: minus the edges to the nearest pin, else those to the border.
+
+    Args:
+        triangles: Particles of the triangles, shape [t, 3].
+        free_count: Number of free particles, the first ones; the others are pinned.
+
+    Returns:
+        A level for each particle, shape [n].
+    """
+    n = int(triangles.max()) + 1
+    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    unique, count = np.unique(sides, axis=0, return_counts=True)
+    if free_count < n:
+        return -rings(unique, np.arange(free_count, n, dtype=np.int32), n)
+    return rings(unique, np.unique(unique[count == 1]), n)
+
+
 def inward_order(edges: IntArray, triangles: IntArray, free_count: int) -> IntArray:
     """Order in which edges are solved.
 
@@ -36,13 +54,6 @@ def inward_order(edges: IntArray, triangles: IntArray, free_count: int) -> IntAr
     Returns:
         Indices into `edges`, shape [m].
     """
-    n = int(triangles.max()) + 1
-    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    unique, count = np.unique(sides, axis=0, return_counts=True)
-    if free_count < n:
-        ring = -rings(unique, np.arange(free_count, n, dtype=np.int32), n)
-    else:
-        ring = rings(unique, np.unique(unique[count == 1]), n)
     colour = colour_springs(edges)
-    level = ring[edges].sum(axis=1)
+    level = inward_levels(triangles, free_count)[edges].sum(axis=1)
     return np.lexsort((edges.min(axis=1), colour, level)).astype(np.int32)

@@ -15,9 +15,9 @@ from garment_sim_ros.sim.kernels.sub_steps import run_sub_steps
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.solvers.coarse import (
     CoarseLevel,
-    LinkMaterial,
+    Threads,
     coarse_level,
-    prepare_links,
+    prepare_cells,
 )
 from garment_sim_ros.sim.solvers.sweep_order import inward_order
 from garment_sim_ros.sim.state import Workspace
@@ -70,7 +70,7 @@ class XpbdWorkspace(Workspace):
         hinge_stiffness: Their stiffnesses [N/m], shape [h].
         prepared: What the sub-steps need, for one length of them.
         coarse: A coarse level of the edges, for the same, where it is asked for.
-        link_material: What it is made of; None where there is none.
+        threads: What it is made of; None where there is none.
         parts: What of it threads can share.
         prepared_for: That length [s], the rate of damping [1/s], the sub-steps for each pass over
             the hinges, and whether there is a coarse level.
@@ -96,7 +96,7 @@ class XpbdWorkspace(Workspace):
     hinge_stiffness: FloatArray
     prepared: Prepared
     coarse: CoarseLevel
-    link_material: LinkMaterial | None
+    threads: Threads | None
     parts: Parts
     prepared_for: tuple[float, float, int, bool]
     place: SingleArray
@@ -146,7 +146,7 @@ class XpbdWorkspace(Workspace):
                 hinges=np.zeros((h, 8), np.float32),
             ),
             coarse=CoarseLevel.none(),
-            link_material=None,
+            threads=None,
             parts=Parts(edges=edge_start, hinges=hinge_start),
             prepared_for=(0.0, 0.0, 0, False),
             place=np.zeros((model.free_count, 3), np.float32),
@@ -187,11 +187,11 @@ class XpbdWorkspace(Workspace):
         )
         if coarse != self.prepared_for[3]:
             edges = ready.edge_particles.reshape(-1, 2).astype(np.int32)
-            level = coarse_level(model, edges, self.stiffness) if coarse else None
-            self.coarse, self.link_material = level or (CoarseLevel.none(), None)
-        if self.link_material is not None:
-            left, keep = ready.edges[:, 3], 1.0 / (1.0 + dt * rate)
-            prepare_links(self.coarse, self.link_material, left, keep, dt)
+            level = coarse_level(model, edges) if coarse else None
+            self.coarse, self.threads = level or (CoarseLevel.none(), None)
+        if self.threads is not None:
+            keep = 1.0 / (1.0 + dt * rate)
+            prepare_cells(self.coarse, self.threads, keep, dt)
         prepare_hinges(
             ready.hinge_particles,
             self.hinge_weight,
