@@ -26,8 +26,10 @@ def pull_cells(x, moved, apart, coarse):
     """
     if coarse.strains.shape[0] == 0:
         return
-    centre, start = coarse.centre.reshape(-1), coarse.start.reshape(-1)
+    # Shifts are kept apart: in short sub-steps they are less than a coordinate is rounded to.
+    centre, shift = coarse.centre.reshape(-1), coarse.shift.reshape(-1)
     centre[:] = np.float32(0.0)
+    shift[:] = np.float32(0.0)
     for p in range(coarse.cell.size):
         i = _THREE * np.uint64(p)
         c = _THREE * np.uint64(coarse.cell[p])
@@ -40,7 +42,6 @@ def pull_cells(x, moved, apart, coarse):
         centre[c] += part * px
         centre[c + _ONE] += part * py
         centre[c + _TWO] += part * pz
-    start[:] = centre
     pulled = False
     for t in range(coarse.strains.shape[0]):
         i = _THREE * np.uint64(coarse.corners[3 * t])
@@ -48,8 +49,9 @@ def pull_cells(x, moved, apart, coarse):
         k = _THREE * np.uint64(coarse.corners[3 * t + 2])
         longest = np.float32(0.0)
         for a, b, side in ((i, j, 0), (i, k, 1), (j, k, 2)):
-            dx, dy = centre[a] - centre[b], centre[a + _ONE] - centre[b + _ONE]
-            dz = centre[a + _TWO] - centre[b + _TWO]
+            dx = (centre[a] - centre[b]) + (shift[a] - shift[b])
+            dy = (centre[a + _ONE] - centre[b + _ONE]) + (shift[a + _ONE] - shift[b + _ONE])
+            dz = (centre[a + _TWO] - centre[b + _TWO]) + (shift[a + _TWO] - shift[b + _TWO])
             longest = max(longest, (dx * dx + dy * dy + dz * dz) * coarse.sides[t, side])
         taut = min(_ONCE, _ONCE + (longest - _ONCE) / (_BENT + _BENT))
         if taut < np.float32(0.0):
@@ -57,10 +59,13 @@ def pull_cells(x, moved, apart, coarse):
         for direction in range(2):
             u = coarse.strains[t, direction, 0]
             v = coarse.strains[t, direction, 1]
-            x0, y0, z0 = centre[i], centre[i + _ONE], centre[i + _TWO]
-            dx = u * (centre[j] - x0) + v * (centre[k] - x0)
-            dy = u * (centre[j + _ONE] - y0) + v * (centre[k + _ONE] - y0)
-            dz = u * (centre[j + _TWO] - z0) + v * (centre[k + _TWO] - z0)
+            x0, y0, z0 = shift[i], shift[i + _ONE], shift[i + _TWO]
+            dx = u * ((centre[j] - centre[i]) + (shift[j] - x0))
+            dx += v * ((centre[k] - centre[i]) + (shift[k] - x0))
+            dy = u * ((centre[j + _ONE] - centre[i + _ONE]) + (shift[j + _ONE] - y0))
+            dy += v * ((centre[k + _ONE] - centre[i + _ONE]) + (shift[k + _ONE] - y0))
+            dz = u * ((centre[j + _TWO] - centre[i + _TWO]) + (shift[j + _TWO] - z0))
+            dz += v * ((centre[k + _TWO] - centre[i + _TWO]) + (shift[k + _TWO] - z0))
             squared = dx * dx + dy * dy + dz * dz
             if squared < _ONCE - _BENT - _BENT:
                 continue
@@ -73,20 +78,20 @@ def pull_cells(x, moved, apart, coarse):
             a = coarse.strains[t, direction, 2]
             b = coarse.strains[t, direction, 3]
             c = coarse.strains[t, direction, 4]
-            centre[i] = x0 - a * dx
-            centre[i + _ONE] = y0 - a * dy
-            centre[i + _TWO] = z0 - a * dz
-            centre[j] -= b * dx
-            centre[j + _ONE] -= b * dy
-            centre[j + _TWO] -= b * dz
-            centre[k] -= c * dx
-            centre[k + _ONE] -= c * dy
-            centre[k + _TWO] -= c * dz
+            shift[i] = x0 - a * dx
+            shift[i + _ONE] = y0 - a * dy
+            shift[i + _TWO] = z0 - a * dz
+            shift[j] -= b * dx
+            shift[j + _ONE] -= b * dy
+            shift[j + _TWO] -= b * dz
+            shift[k] -= c * dx
+            shift[k + _ONE] -= c * dy
+            shift[k + _TWO] -= c * dz
             pulled = True
     if pulled:
         for p in range(coarse.free):
             i = _THREE * np.uint64(p)
             c = _THREE * np.uint64(coarse.cell[p])
-            moved[i] += centre[c] - start[c]
-            moved[i + _ONE] += centre[c + _ONE] - start[c + _ONE]
-            moved[i + _TWO] += centre[c + _TWO] - start[c + _TWO]
+            moved[i] += shift[c]
+            moved[i + _ONE] += shift[c + _ONE]
+            moved[i + _TWO] += shift[c + _TWO]

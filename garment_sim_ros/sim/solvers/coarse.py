@@ -57,7 +57,7 @@ class CoarseLevel(NamedTuple):
             corners move for each metre of stretch, shape [t, 2, 5].
         sides: Of each triangle laid flat, one over their squared lengths [1/m^2], shape [t, 3].
         centre: Scratch: centres of mass of the cells [m], shape [c, 3].
-        start: Scratch: the same before the pass [m], shape [c, 3].
+        shift: Scratch: how far they are moved [m], shape [c, 3].
     """
 
     cell: IndexArray
@@ -67,7 +67,7 @@ class CoarseLevel(NamedTuple):
     strains: SingleArray
     sides: SingleArray
     centre: SingleArray
-    start: SingleArray
+    shift: SingleArray
 
     @classmethod
     def none(cls) -> "CoarseLevel":
@@ -80,7 +80,7 @@ class CoarseLevel(NamedTuple):
             strains=np.zeros((0, 2, 5), np.float32),
             sides=np.zeros((0, 3), np.float32),
             centre=np.zeros((0, 3), np.float32),
-            start=np.zeros((0, 3), np.float32),
+            shift=np.zeros((0, 3), np.float32),
         )
 
 
@@ -158,7 +158,7 @@ def coarse_level(model: ClothModel, edges: IntArray) -> tuple[CoarseLevel, Threa
         strains=np.zeros((len(corners), 2, 5), np.float32),
         sides=(1.0 / squared[good][order]).astype(np.float32),
         centre=np.zeros((count, 3), np.float32),
-        start=np.zeros((count, 3), np.float32),
+        shift=np.zeros((count, 3), np.float32),
     )
     return level, Threads(
         along=along[order],
