@@ -4,8 +4,8 @@
 
 A T-shirt and a short skirt of 1,503 and 1,687 vertices on the walking mannequin, 60 frames a
 second. A setting is ``relaxation:STEPS:SWEEPS`` or ``xpbd:SUB_STEPS:BENDING_EVERY:ITERATIONS``,
-steps for each frame. Fabrics are the outfit's but for `--stretch` and `--shear`:
-jersey gives by more than the goal itself. The figures:
+steps for each frame; a last ``:1`` asks for the coarse level. Fabrics are the outfit's but for
+`--stretch` and `--shear`: jersey gives by more than the goal itself. The figures:
 
 - processor time of a frame of one thread, all contacts included, median over the walk; `ms`
   as it would be where three C sweeps over the springs of `bench/springs.py` take 140 us, from F of
@@ -84,7 +84,9 @@ def chosen(text: str) -> tuple[str, Any, float]:
     n = [int(number) for number in numbers]
     if solver == "relaxation":
         return solver, RelaxationSettings(sweeps=n[1]), FRAME / n[0]
-    settings = XpbdSettings(sub_step=FRAME / n[0], bending_every=n[1], iterations=n[2])
+    settings = XpbdSettings(
+        sub_step=FRAME / n[0], bending_every=n[1], iterations=n[2], coarse=n[3:] == [1]
+    )
     return solver, settings, FRAME
 
 

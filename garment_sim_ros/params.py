@@ -383,7 +383,8 @@ class XpbdSettings(_Sweeps):
     )
     coarse: bool = parameter(
         False,
-        "Links over several edges at once: less stretch with few sub-steps. With one pass only.",
+        "Keeps cells of some ten particles from being stretched along the threads: less stretch "
+        "with few sub-steps. With one pass only.",
     )
 
 
