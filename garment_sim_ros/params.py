@@ -381,11 +381,7 @@ class XpbdSettings(_Sweeps):
         minimum=1,
         maximum=64,
     )
-    coarse: bool = parameter(
-        False,
-        "Keeps cells of some ten particles from being stretched along the threads: less stretch "
-        "with few sub-steps. With one pass only.",
-    )
+    coarse: bool = parameter(False, "Less stretch with few sub-steps (and one iteration).")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
