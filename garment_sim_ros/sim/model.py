@@ -85,6 +85,14 @@ class ClothModel:
         return len(self.vertex)
 
     @property
+    def particle_triangles(self) -> IntArray:
+        """The mesh's triangles as particles, shape [t, 3]."""
+        particle = np.empty(len(self), np.int32)
+        particle[self.vertex] = np.arange(len(self), dtype=np.int32)
+        triangles: IntArray = particle[self.triangles]
+        return triangles
+
+    @property
     def parts(self) -> int:
         """Number of parts that threads can work on at once."""
         return self.springs.part_start.shape[1] - 2

@@ -113,9 +113,7 @@ def coarse_level(model: ClothModel, edges: IntArray) -> tuple[CoarseLevel, Threa
     if not len(edges):
         return None
     n, free, rest = len(model), model.free_count, model.rest
-    particle = np.empty(n, np.int32)
-    particle[model.vertex] = np.arange(n, dtype=np.int32)
-    triangles = particle[model.triangles]
+    triangles = model.particle_triangles
     spacing = _SPACING * float(np.linalg.norm(np.diff(rest[edges], axis=1), axis=2).mean())
     seed, cell, reached = _cells(model, triangles, spacing)
     count = len(seed)

@@ -113,9 +113,7 @@ class XpbdWorkspace(Workspace):
     @classmethod
     def room_for(cls, model: ClothModel, shapes: int) -> "XpbdWorkspace":
         """Arrays for a garment and a number of collider shapes."""
-        particle = np.empty(len(model), np.int32)
-        particle[model.vertex] = np.arange(len(model), dtype=np.int32)
-        triangles = particle[model.triangles]
+        triangles = model.particle_triangles
         springs = model.springs
         edges = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
         edges = edges[inward_order(edges, triangles, model.free_count)]
