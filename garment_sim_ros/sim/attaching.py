@@ -36,9 +36,7 @@ def attached_to(garment: GarmentLike, frames: Frames, model: ClothModel) -> Atta
         attached = attached._replace(pin=pin, length=limit)
     soft = garment.soft
     if soft is not None:
-        particle = np.empty(len(model), np.int32)
-        particle[model.vertex] = np.arange(len(model), dtype=np.int32)
-        p = particle[soft.vertices]
+        p = model.particle[soft.vertices]
         attached = attached._replace(
             particle=p,
             collider=frames.collider[soft.frame],
@@ -73,9 +71,7 @@ def nearest_pins(model: ClothModel) -> tuple[IntArray, FloatArray]:
             f"garment {model.name!r} has tethers but nothing that they could hang from; "
             "allowed: with pinned vertices"
         )
-    particle = np.empty(len(model), np.int32)
-    particle[model.vertex] = np.arange(len(model), dtype=np.int32)
-    triangles = particle[model.triangles]
+    triangles = model.particle_triangles
     graph = mesh_graph(model.rest, triangles)
     pin, length = [], []
     for group in _groups(triangles, np.arange(free, len(model), dtype=np.int32)):

@@ -204,7 +204,7 @@ def _meeting(
 ) -> tuple[Meeting, _Search]:
     """Those of my particles that `meets`, and the other's triangles whose corners all `is_met`."""
     (me, state), (it, other_state) = mine, other
-    triangles = _as_particles(it, it.triangles)
+    triangles = it.particle_triangles
     triangles = np.ascontiguousarray(triangles[is_met[triangles].all(axis=1)])
     cells = 1 << int(np.ceil(np.log2(max(len(triangles), 2))))
     mean_friction = np.sqrt(me.material.friction * it.material.friction)
@@ -267,7 +267,7 @@ def neighbours(triangles: IntArray) -> IntArray:
 
 def _one_at_each(model: ClothModel) -> IntArray:
     """A triangle at each particle, as particles, shape [n, 3]."""
-    triangles = _as_particles(model, model.triangles)
+    triangles = model.particle_triangles
     own = np.zeros((len(model), 3), np.int32)
     own[triangles.ravel()] = np.repeat(triangles, 3, axis=0)
     return own
@@ -275,14 +275,7 @@ def _one_at_each(model: ClothModel) -> IntArray:
 
 def _edges(model: ClothModel) -> IntArray:
     """Pairs of particles, shape [e, 2]."""
-    return _as_particles(model, mesh_topology(model.triangles).edges)
-
-
-def _as_particles(model: ClothModel, vertices: IntArray) -> IntArray:
-    """The particles of vertices, in an array of the same shape."""
-    particle = np.empty(len(model), np.int32)
-    particle[model.vertex] = np.arange(len(model), dtype=np.int32)
-    return particle[vertices]
+    return model.particle[mesh_topology(model.triangles).edges]
 
 
 def _edge_length(model: ClothModel) -> float:

@@ -85,12 +85,16 @@ class ClothModel:
         return len(self.vertex)
 
     @property
-    def particle_triangles(self) -> IntArray:
-        """The mesh's triangles as particles, shape [t, 3]."""
+    def particle(self) -> IntArray:
+        """The particle that each vertex is, shape [n]."""
         particle = np.empty(len(self), np.int32)
         particle[self.vertex] = np.arange(len(self), dtype=np.int32)
-        triangles: IntArray = particle[self.triangles]
-        return triangles
+        return particle
+
+    @property
+    def particle_triangles(self) -> IntArray:
+        """The mesh's triangles as particles, shape [t, 3]."""
+        return self.particle[self.triangles]
 
     @property
     def parts(self) -> int:

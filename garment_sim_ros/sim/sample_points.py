@@ -54,9 +54,7 @@ class SamplePoints(NamedTuple):
             sides: On which side of its free particles the shapes are.
             where: ``edges``, ``triangles`` or ``both``.
         """
-        particle = np.empty(len(model), np.int32)
-        particle[model.vertex] = np.arange(len(model), dtype=np.int32)
-        triangles = particle[model.triangles]
+        triangles = model.particle_triangles
         edges = mesh_topology(triangles).edges[:, [0, 1, 1]]
         groups = []
         if where in ("edges", "both"):

@@ -161,9 +161,7 @@ class SelfCollision(Constraint):
     """
 
     def __init__(self, model: ClothModel, distance: float, contacts: Contacts) -> None:
-        particle = np.empty(len(model), np.int32)
-        particle[model.vertex] = np.arange(len(model), dtype=np.int32)
-        self._triangles, self._first = in_patches(particle[model.triangles])
+        self._triangles, self._first = in_patches(model.particle_triangles)
         self._wing = _wings(self._triangles)
         self._owned = _owned(self._triangles)
         self._inverse_mass = model.inverse_mass

@@ -116,9 +116,7 @@ class WindOnCloth:
     """
 
     def __init__(self, field: WindField, model: ClothModel) -> None:
-        particle = np.empty(len(model), np.int32)
-        particle[model.vertex] = np.arange(len(model), dtype=np.int32)
-        triangles = particle[model.triangles]
+        triangles = model.particle_triangles
         self._triangles = np.ascontiguousarray(triangles[np.argsort(triangles.min(axis=1))])
         self._inverse_mass = model.inverse_mass
         self._field = field

@@ -187,13 +187,11 @@ def _stretch(model: ClothModel) -> tuple[NDArray[np.int32], FloatArray, FloatArr
     """Edges, their rest lengths [m] and stiffnesses [N/m]."""
     springs = model.springs
     edges = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
-    particle = np.empty(len(model), np.int32)
-    particle[model.vertex] = np.arange(len(model), dtype=np.int32)
     rest = np.linalg.norm(model.rest[edges[:, 0]] - model.rest[edges[:, 1]], axis=1)
     return (
         edges,
         rest,
-        edge_stiffness(model.rest, particle[model.triangles], edges, model.material),
+        edge_stiffness(model.rest, model.particle_triangles, edges, model.material),
     )
 
 

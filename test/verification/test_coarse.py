@@ -75,9 +75,7 @@ def level_of(cloth, rows=16, columns=12, pins=(), shape=lambda x: x):
     garment = cloth.garment(vertices, triangles, pins=pins)
     simulation = Simulation((garment,), cloth.colliders(), solver="xpbd")
     model = simulation.model("cloth")
-    particle = np.empty(len(model), np.int32)
-    particle[model.vertex] = np.arange(len(model), dtype=np.int32)
-    edges = mesh_topology(particle[model.triangles]).edges
+    edges = mesh_topology(model.particle_triangles).edges
     level, threads = coarse_level(model, edges)
     prepare_cells(level, threads, 1.0, 1 / 600)
     return model, level, threads

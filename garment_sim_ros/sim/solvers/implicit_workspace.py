@@ -269,9 +269,7 @@ class ImplicitWorkspace(Workspace):
     @classmethod
     def room_for(cls, model: ClothModel, shapes: int) -> "ImplicitWorkspace":
         """Arrays for a garment and a number of collider shapes."""
-        particle = np.empty(len(model), np.int32)
-        particle[model.vertex] = np.arange(len(model), dtype=np.int32)
-        triangles = particle[model.triangles]
+        triangles = model.particle_triangles
         rest, n = model.rest, model.free_count
         extent = float(np.ptp(rest, axis=0).max())
         most = stiffness_by_weight(model.material, extent, _HARDLY)
