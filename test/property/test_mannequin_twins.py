@@ -15,7 +15,7 @@ SEEDS = st.integers(0, 10**6)
 
 
 def bumpy_field(seed, shape=(7, 5, 8)):
-    """Half of two balls that melt into one, and noise; the first layer in y is the middle plane."""
+    """Half of two melting balls, and noise; the first layer in y is the middle plane."""
     rng = np.random.default_rng(seed)
     x, y, z = np.indices(shape) / (max(shape) - 1)
     balls = [np.hypot(np.hypot(x - 0.4, y), z - c) - 0.28 for c in (0.35, 0.65)]
