@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from garment_sim_ros.body.mannequin_mesh import _collapse, _compacted, _edges, _flip, _smooth
 from garment_sim_ros.geometry.marching_tetrahedra import marching_tetrahedra
 
-CHECKED = settings(derandomize=True, deadline=None, max_examples=6)
+CHECKED = settings(derandomize=True, deadline=None, max_examples=4)
 SEEDS = st.integers(0, 10**6)
 
 
@@ -176,7 +176,7 @@ def naive_collapse(x, triangles, size, wanted):
 
 
 @CHECKED
-@given(SEEDS, st.sampled_from([(0.5, 1.0), (0.2, 4.0)]))
+@given(SEEDS, st.sampled_from([(0.5, 1.0), (0.3, 4.0)]))
 def test_collapses(seed, how):
     """Round halves, and flat ones, of which the rim in the middle plane is a large part."""
     share, flatness = how
