@@ -105,12 +105,12 @@ def gather_link(faces, neighbours, removed, patch, count, link, outer):
         f = outer[k] // 3
         end = faces[f, outer[k] % 3]
         at = -1
-        for j in range(k + 1, edges):
+        for j in range(edges):
             if link[j] == end:
                 if at >= 0:
                     return 0
                 at = j
-        if at < 0:
+        if at <= k:
             return 0
         link[k + 1], link[at] = link[at], link[k + 1]
         outer[k + 1], outer[at] = outer[at], outer[k + 1]
