@@ -17,7 +17,16 @@ GRAVITY = 9.81
 """What weight is measured with where only its size matters [m/s^2]."""
 _FLAT = 0.9
 """Triangles whose normal is closer to the vertical than this (as a cosine) lie flat."""
-_FIT_ROUNDS = 300
+_COUNTS = np.array([1.0, 1.0, 0.1])
+"""What errors of warp, weft and shear count for where edges cannot have all three."""
+_LEAST = 1e-3
+"""Part of the largest of the three which the others there are at least."""
+_CLEAR = 1e-3
+"""Determinant of what edges add to the three from which on it tells them apart."""
+_ROUNDING = 1e-6
+"""Stiffness below zero, as a part of the largest asked, that is none."""
+_SLIM = 0.1
+"""Product of the sines of an edge's two angles that narrower triangles count as."""
 _NEAR_ZERO = 1e-9
 """Area of a triangle without shape, as a share of its longest edge's square."""
 
@@ -84,26 +93,44 @@ def _areas(apart: FloatArray) -> FloatArray:
     return area
 
 
-def _share(cos2: FloatArray, asked: FloatArray) -> FloatArray:
-    """Non-negative c [t, 3] whose three sums, see `edge_stiffness`, come nearest to those asked.
+def _share(along: FloatArray, across: FloatArray, asked: FloatArray) -> FloatArray:
+    """The c [t, 3] of `edge_stiffness`.
 
-    Nearest in relative terms, by projected coordinate descent. `cos2` [t, 3]: squared cosines of
-    the angles to the warp.
+    Args:
+        along: Cosines of the angles of triangles' edges to the warp, shape [t, 3].
+        across: Their sines, shape [t, 3].
+        asked: Stiffness of warp, weft and shear [N/m], shape [3].
     """
-    sin2 = np.maximum(1.0 - cos2, 0.0)
-    largest = max(float(asked.max()), 1e-300)
-    # Where an odd triangle cannot have all three, stretch matters more than shear.
-    importance = np.array([1.0, 1.0, 0.3]) / np.maximum(asked / largest, 1e-3)
-    basis = np.stack([cos2**2, sin2**2, cos2 * sin2], axis=1) * importance[:, None]
-    target = asked / largest * importance
-    norm = np.maximum((basis**2).sum(axis=1), 1e-12)
-    c = np.full(cos2.shape, 0.5)
-    for _ in range(_FIT_ROUNDS):
-        for e in range(3):
-            missing = target - np.einsum("tse,te->ts", basis, c)
-            c[:, e] += (basis[:, :, e] * missing).sum(axis=1) / norm[:, e]
-            np.maximum(c[:, e], 0.0, out=c[:, e])
-    return c * largest
+    stress = np.stack([along**2, across**2, along * across], axis=1)
+    sums = stress**2
+    clear = np.abs(np.linalg.det(sums)) > _CLEAR
+    solvable = np.where(clear[:, None, None], sums, np.eye(3))
+    exact = np.linalg.solve(solvable, asked[:, None])[..., 0]
+    clear &= exact.min(axis=1) >= -_ROUNDING * asked.max()
+
+    # Strains (warp, weft, shear) with which one edge gets longer and the two others, i and j, stay
+    # as they are.
+    i, j = [1, 2, 0], [2, 0, 1]
+    turned = (along * across[:, i] - across * along[:, i]) * (
+        along * across[:, j] - across * along[:, j]
+    )
+    strain = np.stack(
+        [
+            across[:, i] * across[:, j],
+            along[:, i] * along[:, j],
+            along[:, i] * across[:, j] + across[:, i] * along[:, j],
+        ],
+        axis=1,
+    )
+    strain /= np.maximum(np.abs(turned), _SLIM)[:, None]
+    aimed = np.maximum(asked, max(_LEAST * asked.max(), 1e-30))
+    held = np.einsum("i,tie->te", _COUNTS * aimed, strain**2)
+    free = np.einsum("i,tie->te", _COUNTS / aimed, sums)
+    return np.where(
+        clear[:, None],
+        np.maximum(exact, 0.0),
+        np.sqrt(held / np.maximum(free, 1e-3 / aimed.max())),
+    )
 
 
 def _sum_per_edge(pairs: LongArray, values: FloatArray, wanted: IntArray) -> FloatArray:
@@ -127,9 +154,27 @@ def edge_stiffness(
 
         warp: sum c_e cos^4 a_e,  weft: sum c_e sin^4 a_e,  shear: sum c_e cos^2 a_e sin^2 a_e
 
-    (Ostoja-Starzewski 2002, "Lattice models in micromechanics", section 2). The c_e, none
-    negative, are those that come nearest to the material's three, in relative terms. Springs have
-    no more freedom: their resistance to warp strain from weft stress equals the shear stiffness.
+    (Ostoja-Starzewski 2002, "Lattice models in micromechanics", section 2): a matrix
+    C = sum c_e b_e b_e^T of stiffness, b = (cos^2, sin^2, cos sin), has them on its diagonal.
+    Where c_e, none negative, give all three as asked, as on a grid along the threads, they are
+    taken. Springs have no more freedom: their resistance to warp strain from weft stress equals
+    the shear stiffness.
+
+    In other triangles the c_e are those with the least
+
+        sum_i n_i (C_ii / asked_i + (C^-1)_ii asked_i),
+
+    the divergence of Jeffreys 1946 ("An invariant form for the prior probability in estimation
+    problems") between C and the diagonal matrix of what is asked, with n_3 = 0.1 for the shear.
+    C_ii is the stiffness where the other strains are held, 1 / (C^-1)_ii where they are free, and
+    half of it costs as much as its double. With d_e the strain in which edge e alone gets longer,
+    by all of its length, C^-1 is sum d_e d_e^T / c_e, so that
+
+        c_e = sqrt(sum_i n_i asked_i d_ei^2 / sum_i n_i b_ei^2 / asked_i).
+
+    None is zero: edges without stiffness let a mesh give way like a linkage, whatever the sums.
+    Edges at large angles to the threads carry them only with a shear stiffness of their own: shear
+    gets stiffer than asked there, and threads softer, see docs/cloth.md.
 
     Args:
         rest: Rest positions [m], shape [n, 3].
@@ -139,13 +184,20 @@ def edge_stiffness(
     """
     pairs, apart = _triangle_edges(rest, triangles)
     squared = np.maximum((apart**2).sum(axis=2), 1e-300)
-    along = np.einsum("tek,tk->te", apart, warp_directions(rest, triangles))
+    direction = apart / np.sqrt(squared)[..., None]
+    warp = warp_directions(rest, triangles)
+    normal = np.cross(apart[:, 0], apart[:, 1])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     asked = (
         material.stretch_stiffness_warp,
         material.stretch_stiffness_weft,
         material.shear_stiffness,
     )
-    c = _share(along**2 / squared, np.array(asked))
+    c = _share(
+        np.einsum("tek,tk->te", direction, warp),
+        np.einsum("tek,tk->te", direction, np.cross(normal, warp)),
+        np.array(asked),
+    )
     return _sum_per_edge(pairs, _areas(apart)[:, None] * c / squared, edges)
 
 

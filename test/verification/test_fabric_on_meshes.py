@@ -1,0 +1,230 @@
+"""The springs of uneven meshes against a membrane with the fabric's stiffnesses, in float64."""
+
+import numpy as np
+import pytest
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import spsolve
+from scipy.spatial import Delaunay
+
+from garment_sim_ros.garment.materials import PRESETS
+from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.geometry.topology import mesh_topology
+from garment_sim_ros.params import Material, XpbdSettings
+from garment_sim_ros.sim.elasticity import edge_stiffness
+from garment_sim_ros.sim.simulation import Simulation
+
+G = 9.81
+SPACING = 0.02
+WEAVES = ("cotton_twill", "polyester", "wool", "silk")
+"""From a shear stiffness of a twentieth to one of a 480th of the threads' stiffness."""
+
+
+def points(turned=0.0, jitter=0.0, half=25):
+    """A square of a grid in a plane of weft and warp, turned [degrees] and jittered."""
+    i, j = np.meshgrid(*[np.arange(-half, half + 1)] * 2, indexing="ij")
+    p = SPACING * np.stack([i.ravel(), j.ravel()], axis=1)
+    p += np.random.default_rng(1).uniform(-jitter, jitter, p.shape) * SPACING
+    c, s = np.cos(np.radians(turned)), np.sin(np.radians(turned))
+    return p @ np.array([[c, s], [-s, c]])
+
+
+def rows(half=25):
+    """Equilateral triangles in rows along the weft, as of a skirt."""
+    i, j = np.meshgrid(*[np.arange(-half, half + 1)] * 2, indexing="ij")
+    return SPACING * np.stack([(i + 0.5 * (j % 2)).ravel(), np.sqrt(0.75) * j.ravel()], axis=1)
+
+
+def split(p):
+    """Triangles between points of a turned grid, all split one way."""
+    n = round(np.sqrt(len(p)))
+    a = np.arange(n * n).reshape(n, n)[:-1, :-1].ravel()
+    return np.concatenate([np.stack([a, a + n, a + n + 1], 1), np.stack([a, a + n + 1, a + 1], 1)])
+
+
+MESHES = {
+    "grid": lambda: (points(), split(points())),
+    "turned by 20": lambda: (points(20.0), split(points(20.0))),
+    "turned by 30": lambda: (points(30.0), split(points(30.0))),
+    "turned by 45": lambda: (points(45.0), split(points(45.0))),
+    "rows": lambda: (rows(), Delaunay(rows()).simplices),
+    "random": lambda: (points(17.0, 0.35), Delaunay(points(17.0, 0.35)).simplices),
+}
+
+
+def doubled(a, b, c):
+    """Twice the area of triangles, by their sense."""
+    (x, y), (z, w) = (b - a).T, (c - a).T
+    return x * w - y * z
+
+
+def cut(p, triangles, width, height):
+    """The triangles in a rectangle; those that are flatter than cloth is meshed left out."""
+    a, b, c = (p[triangles[:, k]] for k in range(3))
+    sides = [((v - u) ** 2).sum(axis=1) for u, v in ((a, b), (b, c), (c, a))]
+    middle = np.abs(p[triangles].mean(axis=1))
+    good = np.abs(doubled(a, b, c)) > 0.2 * np.max(sides, axis=0)
+    triangles = triangles[good & (middle[:, 0] < width / 2) & (middle[:, 1] < height / 2)]
+    used, index = np.unique(triangles, return_inverse=True)
+    return p[used], index.reshape(-1, 3).astype(np.int32)
+
+
+def gradients(p, triangles):
+    """Of the strains (weft, warp, shear) by coordinates, shape [t, 3, 6]; areas, shape [t]."""
+    a, b, c = (p[triangles[:, k]] for k in range(3))
+    twice = doubled(a, b, c)
+    slope = np.stack([b - c, c - a, a - b], axis=1)[:, :, ::-1] * [1.0, -1.0]
+    slope /= twice[:, None, None]
+    B = np.zeros((len(triangles), 3, 6))
+    B[:, 0, 0::2] = B[:, 2, 1::2] = slope[:, :, 0]
+    B[:, 1, 1::2] = B[:, 2, 0::2] = slope[:, :, 1]
+    return B, np.abs(twice) / 2
+
+
+def assembled(blocks, corners, n):
+    """A sparse matrix of blocks between corners [m, k] in two coordinates each."""
+    at = (2 * corners[..., None] + [0, 1]).reshape(len(corners), -1)
+    i, j = (
+        np.broadcast_to(at[:, :, None], blocks.shape),
+        np.broadcast_to(at[:, None], blocks.shape),
+    )
+    return csc_matrix((blocks.ravel(), (i.ravel(), j.ravel())), shape=(2 * n, 2 * n))
+
+
+def membrane(p, triangles, fabric):
+    """Stiffness matrix of triangles of constant strain; warp and weft coupled as by springs."""
+    warp, weft, shear = (
+        fabric.stretch_stiffness_warp,
+        fabric.stretch_stiffness_weft,
+        fabric.shear_stiffness,
+    )
+    law = np.array([[weft, shear, 0.0], [shear, warp, 0.0], [0.0, 0.0, shear]])
+    B, area = gradients(p, triangles)
+    blocks = np.einsum("tia,ij,tjb,t->tab", B, law, B, area)
+    return assembled(blocks, triangles, len(p))
+
+
+def springs(p, triangles, fabric):
+    """Stiffness matrix of the mesh's edges."""
+    edges = mesh_topology(triangles).edges
+    upright = np.stack([p[:, 0], 0.0 * p[:, 0], p[:, 1]], axis=1)
+    k = edge_stiffness(upright, triangles, edges, fabric)
+    along = p[edges[:, 0]] - p[edges[:, 1]]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    pull = np.concatenate([along, -along], axis=1)
+    return assembled(k[:, None, None] * pull[:, :, None] * pull[:, None, :], edges, len(p))
+
+
+def stiffness(matrix, p, triangles):
+    """Along warp and weft with all else free, in shear: of a mesh whose border is strained."""
+    area = gradients(p, triangles)[1].sum()
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edge, count = np.unique(edges, axis=0, return_counts=True)
+    free = np.ones(len(p), bool)
+    free[edge[count == 1]] = False
+    free = np.repeat(free, 2)
+    u = np.zeros((2 * len(p), 3))
+    u[0::2, 0], u[1::2, 1] = p[:, 0], p[:, 1]
+    u[0::2, 2], u[1::2, 2] = p[:, 1] / 2, p[:, 0] / 2
+    u[free] = spsolve(matrix[free][:, free], -matrix[free][:, ~free] @ u[~free])
+    soft = np.linalg.inv(u.T @ (matrix @ u) / area)
+    return 1.0 / np.diag(soft)[[1, 0, 2]]
+
+
+def sag(matrix, p, triangles, fabric, axis):
+    """Mean way down of the lower end of a curtain hung along an axis by the upper one [m]."""
+    area = gradients(p, triangles)[1]
+    mass = np.bincount(triangles.ravel(), np.repeat(area, 3), len(p)) / 3 * fabric.areal_density
+    force = np.zeros((len(p), 2))
+    force[:, axis] = -mass * G
+    free = np.repeat(p[:, axis] < p[:, axis].max() - SPACING / 2, 2)
+    u = np.zeros(2 * len(p))
+    u[free] = spsolve(matrix[free][:, free], force.ravel()[free])
+    return -u.reshape(-1, 2)[p[:, axis] < p[:, axis].min() + 1.5 * SPACING, axis].mean()
+
+
+@pytest.mark.parametrize("fabric", [*WEAVES, "denim", "cotton_jersey", "sweatshirt"])
+def test_a_grid_along_the_threads_has_all_three(fabric):
+    """In homogeneous strains, to rounding."""
+    fabric = PRESETS[fabric].material
+    p, triangles = cut(*MESHES["grid"](), 0.4, 0.4)
+    area = gradients(p, triangles)[1].sum()
+    expected = (
+        fabric.stretch_stiffness_weft,
+        fabric.stretch_stiffness_warp,
+        fabric.shear_stiffness,
+    )
+    K, (x, y), zero = springs(p, triangles, fabric), p.T, np.zeros(len(p))
+    for u, k in zip(([x, zero], [zero, y], [y / 2, x / 2]), expected):
+        u = np.stack(u, axis=1).ravel()
+        assert u @ (K @ u) / area == pytest.approx(k, rel=1e-9)
+
+
+@pytest.mark.parametrize("fabric", WEAVES)
+@pytest.mark.parametrize(
+    ("mesh", "softer", "stiffer"),
+    [
+        ("grid", 1.1, 1.05),
+        ("rows", 4.5, 1.1),
+        ("random", 2.6, 1.1),
+        ("turned by 20", 5.0, 1.2),
+        ("turned by 30", 7.0, 1.6),
+        ("turned by 45", 8.0, 1.6),
+    ],
+)
+def test_threads_of_weaves(fabric, mesh, softer, stiffer):
+    """They give by no more than such a multiple of what the fabric does, on any mesh.
+
+    Measured: the largest for silk; for polyester 2.3 in rows and 1.5 on the random mesh. With the
+    sums alone meshes gave way like linkages: 34 and 50 times, and without end on turned grids.
+    """
+    fabric = PRESETS[fabric].material
+    p, triangles = cut(*MESHES[mesh](), 0.4, 0.4)
+    truth = stiffness(membrane(p, triangles, fabric), p, triangles)
+    found = stiffness(springs(p, triangles, fabric), p, triangles) / truth
+    assert (found[:2] > 1.0 / softer).all()
+    assert (found[:2] < stiffer).all()
+    # What it costs: sqrt(10 warp / shear) times a number of the mesh, of which 2 is the most.
+    worst = 2.0 * np.sqrt(10.0 * fabric.stretch_stiffness_warp / fabric.shear_stiffness)
+    assert 0.85 < found[2] < worst
+
+
+@pytest.mark.parametrize("fabric", WEAVES)
+@pytest.mark.parametrize(("mesh", "factor"), [("rows", 4.5), ("random", 2.6)])
+def test_curtains_of_uneven_meshes_sag_as_their_fabric(fabric, mesh, factor):
+    fabric = PRESETS[fabric].material
+    for axis, size in ((1, (0.3, 0.5)), (0, (0.5, 0.3))):
+        p, triangles = cut(*MESHES[mesh](), *size)
+        truth = sag(membrane(p, triangles, fabric), p, triangles, fabric, axis)
+        found = sag(springs(p, triangles, fabric), p, triangles, fabric, axis)
+        assert 0.8 * truth < found < factor * truth
+
+
+def test_a_simulated_curtain_of_a_random_mesh(cloth):
+    """Its middle, and the fabric's m g / 2 k: sub-steps of 0.1 ms leave little of their own."""
+    fabric = {
+        "areal_density": 0.2,
+        "stretch_stiffness_warp": 500.0,
+        "stretch_stiffness_weft": 500.0,
+        "shear_stiffness": 5.0,
+    }
+    p, triangles = cut(*MESHES["random"](), 0.2, 0.4)
+    vertices = np.stack([p[:, 0], 0.0 * p[:, 0], p[:, 1]], axis=1)
+    pins = np.flatnonzero(p[:, 1] > p[:, 1].max() - SPACING / 2)
+    garment = cloth.garment(
+        vertices, triangles, pins=pins, bending_stiffness=0.0, damping=8.0, **fabric
+    )
+    simulation = Simulation(
+        (garment,),
+        cloth.colliders(),
+        solver="xpbd",
+        settings=XpbdSettings(sub_step=1 / 60 / 160),
+        solver_step=1 / 60,
+    )
+    still = ColliderPoses.identity(1)
+    for _ in range(120):
+        simulation.advance(still, still, 1 / 60)
+    low = p[:, 1] < p[:, 1].min() + 1.5 * SPACING
+    found = (vertices - simulation.positions("cloth"))[low, 2].mean()
+    material = Material(**fabric)
+    truth = sag(membrane(p, triangles, material), p, triangles, material, 1)
+    assert 0.8 * truth < found < 3.0 * truth
