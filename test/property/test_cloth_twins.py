@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.geometry.transforms import transform_from
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim import naive
@@ -19,8 +20,11 @@ from garment_sim_ros.sim.kernels.motion import (
     update_velocities,
 )
 from garment_sim_ros.sim.kernels.springs import correct_springs
+from garment_sim_ros.sim.kernels.sub_steps import same_poses
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.placement import blend
+from garment_sim_ros.sim.state import State
+from garment_sim_ros.sim.strain import StrainMeter
 
 SEEDS = st.integers(0, 10**6)
 
@@ -148,3 +152,40 @@ def test_blend_of_frames_is_the_weighted_sum_over_each_vertex(cloth):
     # Linear: displacements out of the difference of transforms.
     moved = blend(garment, now) - blend(garment, rest)
     np.testing.assert_allclose(blend(garment, now - rest), moved, atol=1e-12)
+
+
+@given(SEEDS, st.sampled_from([0.02, 0.3, 2.0]))
+@settings(derandomize=True, deadline=None, max_examples=10)
+def test_strain_of_edges(cloth, seed, amount):
+    """Its 95th percentile to a thousandth, and beyond 1 the largest in its place."""
+    rng = np.random.default_rng(seed)
+    x, triangles = cloth.grid(9, 8)
+    model = build_model("cloth", x, triangles, Material(), pins=np.array([0, 7]))
+    state = State.at(model, x, np.zeros(3))
+    state.x[:] = (1.0 + amount * rng.random()) * state.x + singles(
+        rng, *x.shape, scale=amount / 99
+    )
+    found = StrainMeter(model).read(state)
+    rest, now = (
+        np.array([np.linalg.norm(at[a] - at[b]) for a, b in mesh_topology(triangles).edges])
+        for at in (x, state.x[np.argsort(model.vertex)].astype(np.float64))
+    )
+    free = np.array([{a, b} != {0, 7} for a, b in mesh_topology(triangles).edges.tolist()])
+    strain = np.sort((now / rest - 1.0)[free])
+    assert found.largest == pytest.approx(strain[-1], abs=1e-6)
+    exact = max(strain[len(strain) - 1 - int(0.05 * len(strain))], 0.0)
+    if exact < 0.999:
+        assert exact - 1e-6 <= found.p95 <= exact + 1e-3 + 1e-6
+    elif exact > 1.0:
+        assert found.p95 == pytest.approx(found.largest)
+
+
+def test_poses_are_the_same_if_every_number_is():
+    rng = np.random.default_rng(0)
+    poses = rng.normal(size=(4, 3)), rng.normal(size=(4, 4))
+    assert same_poses(*poses, *(a.copy() for a in poses))
+    for which, array in enumerate(poses):
+        for at in np.ndindex(array.shape):
+            other = [a.copy() for a in poses]
+            other[which][at] = np.nextafter(array[at], np.inf)
+            assert not same_poses(*poses, *other)

@@ -63,3 +63,20 @@ def test_blocks_of_a_cloth_are_compact(cloth):
     vertices, _ = cloth.grid(64, 64, 1.0)
     ordered = vertices[spatial_order(vertices)].reshape(-1, BLOCK, 3)
     assert np.ptp(ordered, axis=1).max() <= 7.0
+
+
+@given(springs())
+@settings(derandomize=True, deadline=None)
+def test_each_spring_takes_the_least_used_colour_that_is_free_at_its_ends(pairs):
+    used = [0] * (np.bincount(pairs.ravel()).max() if len(pairs) else 0)
+    taken = {}
+    for pair, colour in zip(pairs.tolist(), colour_springs(pairs)):
+        free = [c for c in range(len(used)) if not any(c in taken.get(p, ()) for p in pair)]
+        if not free:
+            free = [len(used)]
+            used.append(0)
+        expected = min(free, key=lambda c: (used[c], c))
+        assert colour == expected
+        used[expected] += 1
+        for p in pair:
+            taken.setdefault(p, set()).add(expected)

@@ -6,7 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from garment_sim_ros.geometry.transforms import interpolate_poses
+from garment_sim_ros.geometry.principal_axes import principal_axes
+from garment_sim_ros.geometry.transforms import (
+    interpolate_poses,
+    quaternion_multiply,
+    rotate,
+    unit_quaternion,
+)
 
 
 @given(st.integers(0, 10**6), st.sampled_from([0.0, 0.3, 1.0]))
@@ -26,3 +32,36 @@ def test_interpolated_poses(seed, s):
         expected = Slerp([0.0, 1.0], Rotation.from_quat(q[:, k]))(s)
         apart = (expected.inv() * Rotation.from_quat(turned[k])).magnitude()
         assert apart == pytest.approx(0.0, abs=1e-7)
+
+
+@given(st.integers(0, 10**6))
+@settings(derandomize=True, deadline=None, max_examples=20)
+def test_rotations(seed):
+    rng = np.random.default_rng(seed)
+    a, b = Rotation.random(2, rng)
+    v = rng.normal(size=3)
+    product = Rotation.from_quat(quaternion_multiply(*a.as_quat(), *b.as_quat()))
+    np.testing.assert_allclose(product.as_matrix(), (a * b).as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(rotate(*a.as_quat(), *v), a.apply(v), atol=1e-12)
+    # Of whole turns and half turns about each axis, too: each has a formula of its own.
+    for turn in (a, Rotation.identity(), *Rotation.from_rotvec(np.pi * np.eye(3))):
+        q = np.array(unit_quaternion(turn.as_matrix()))
+        assert q[3] >= 0.0
+        np.testing.assert_allclose(Rotation.from_quat(q).as_matrix(), turn.as_matrix(), atol=1e-12)
+
+
+@given(st.integers(0, 10**6), st.floats(-12.0, 0.0))
+@settings(derandomize=True, deadline=None, max_examples=20)
+def test_principal_axes(seed, flatness):
+    """Eigenvalues that are 1e-12 of the others come out to many places, unlike numpy's."""
+    rng = np.random.default_rng(seed)
+    wanted = np.sort(rng.uniform(0.5, 2.0, 3) * [10.0**flatness, 1.0, 3.0])
+    A = Rotation.random(rng=rng).as_matrix()
+    S = A @ np.diag(wanted) @ A.T
+    S = 0.5 * (S + S.T)
+    values, axes = S.copy(), np.empty((3, 3))
+    principal_axes(values, axes)
+    np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(axes @ np.diag(np.diag(values)) @ axes.T, S, atol=1e-12)
+    np.testing.assert_allclose(np.sort(np.diag(values)), np.linalg.eigvalsh(S), atol=1e-12)
+    assert np.abs(values - np.diag(np.diag(values))).max() < 1e-12

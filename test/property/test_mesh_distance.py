@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.mesh_distance import MeshDistance, sort_triangles
 
 CHECKED = settings(derandomize=True, deadline=None, max_examples=30)
 
@@ -133,3 +133,21 @@ def test_points_that_are_not_finite_are_marked():
 def test_unusable_meshes_are_refused(vertices, triangles):
     with pytest.raises(GeometryError):
         MeshDistance(vertices, np.asarray(triangles))
+
+
+@CHECKED
+@given(seed=st.integers(0, 10**6), count=st.integers(1, 200), depth=st.integers(0, 6))
+def test_triangles_are_sorted_in_halves(seed, count, depth):
+    """By their middles along the longest axis of each half; equal ones may be anywhere."""
+    middles = np.random.default_rng(seed).integers(0, 9, (count, 3)).astype(float)
+    order = np.arange(count, dtype=np.int32)
+    sort_triangles(middles, order, depth)
+    assert sorted(order.tolist()) == list(range(count))
+
+    for level in range(depth):
+        edges = [(k * count) >> (level + 1) for k in range(2 ** (level + 1) + 1)]
+        for begin, middle, end in zip(edges[0::2], edges[1::2], edges[2::2]):
+            if begin < middle < end:
+                node = middles[order[begin:end]]
+                along = node[:, np.argmax(np.ptp(node, axis=0))]
+                assert along[: middle - begin].max() <= along[middle - begin :].min()

@@ -1,5 +1,7 @@
 """Sampling and retargeting kernels against plain double-precision twins."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,6 +14,7 @@ from garment_sim_ros.body.retarget_pass import BLEND, DRIVEN, FOLLOW
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.mocap.channels import ball_joints
 from garment_sim_ros.mocap.clip import Clip
+from garment_sim_ros.mocap.root_motion import RootMotion
 from garment_sim_ros.mocap.sampling import ClipSampler
 from garment_sim_ros.mocap.walk import walk
 
@@ -117,6 +120,56 @@ def test_turning_and_moving_the_source_turns_and_moves_the_body(heading, way, fr
     expected = plain.world_joints(WALK.values[frame]).copy()
     G[:2, 3] *= plain.scale
     np.testing.assert_allclose(moved.world_joints(WALK.values[frame]), G @ expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("fade", [0.2, 0.4])
+def test_the_end_is_led_to_the_start(fade):
+    """The last samples turn by a growing part of what is missing to the first one."""
+    rng = np.random.default_rng(3)
+    joints = ball_joints(WALK.rig)
+    clip = dataclasses.replace(
+        WALK,
+        times=WALK.times[:90],
+        values=WALK.values[:90] + np.cumsum(rng.normal(0.0, 0.01, (90, 1)), axis=0),
+        loops=False,
+    )
+    sampler = ClipSampler(clip, "loop", fade=fade)
+    start = clip.duration - fade
+    for t in clip.times[1:-1]:
+        s = max((t - start) / fade, 0.0)
+        share = s * s * (3.0 - 2.0 * s)
+        plain, found = clip.values[np.searchsorted(clip.times, t)], sampler.sample(t)
+        for channels in joints.channels:
+            first, last, own = Rotation.from_euler(
+                "ZYX", np.stack([clip.values[0], clip.values[-1], plain])[:, channels]
+            )
+            expected = Rotation.from_rotvec(share * (first * last.inv()).as_rotvec()) * own
+            apart = Rotation.from_euler("ZYX", found[channels]).inv() * expected
+            assert apart.magnitude() < 1e-5
+        gap = share * (clip.values[0] - clip.values[-1])[joints.single]
+        np.testing.assert_allclose(found[joints.single], plain[joints.single] + gap, atol=1e-9)
+
+
+@settings(max_examples=10, derandomize=True, deadline=None)
+@given(st.integers(-3, 3), st.integers(0, len(WALK.times) - 1))
+def test_a_walk_is_carried_on_by_whole_cycles(cycles, frame):
+    """The root's pose, turned and moved by what lies between the clip's ends on the ground."""
+    forward = ForwardKinematics(WALK.rig)
+
+    def root(q):
+        return WALK.T_world_file @ forward.from_dofs(q)[WALK.rig.dofs.joint[5]].copy()
+
+    first, last = root(WALK.values[0]), root(WALK.values[-1])
+    turn = Rotation.from_matrix(last[:3, :3] @ first[:3, :3].T).as_quat()
+    cycle = np.eye(4)
+    heading = 2.0 * np.arctan2(turn[2], turn[3])
+    cycle[:3, :3] = Rotation.from_euler("z", heading).as_matrix()
+    cycle[:2, 3] = (last[:3, 3] - cycle[:3, :3] @ first[:3, 3])[:2]
+    q = WALK.values[frame].copy()
+    RootMotion(WALK).carry(q, cycles)
+    expected = np.linalg.matrix_power(cycle, cycles) @ root(WALK.values[frame])
+    np.testing.assert_allclose(root(q), expected, atol=1e-9)
+    np.testing.assert_array_equal(q[6:], WALK.values[frame, 6:])
 
 
 def test_a_clip_is_not_changed_by_sampling():

@@ -2,13 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.errors import ParameterError
+from garment_sim_ros.geometry.ellipsoid_poses import PosedEllipsoids
 from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix
 from garment_sim_ros.params import Environment, RelaxationSettings, XpbdSettings
+from garment_sim_ros.sim.earliest_contact import _fill
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.state import ColliderState
 
 RADII = np.array([0.3, 0.2, 0.1])
 STILL = ColliderPoses.identity(2)
@@ -125,3 +129,29 @@ def test_only_where_it_is_asked_for_and_possible(cloth):
             simulation.parameters = earliest
         assert simulation.parameters.settings.contact == "union"
     assert not hasattr(XpbdSettings(), "contact")
+
+
+def test_tables_of_a_step_are_those_of_its_ends(cloth):
+    """Shapes where they were and are, larger by the cloth's thickness."""
+    rng = np.random.default_rng(2)
+    ball = Collider(name="b", kind="sphere", bone="bone", geometry={"radius": 0.07})
+    state = ColliderState.of(cloth.colliders(ellipsoid(), ball))
+    state.origin[:] = 0.5, -0.25, 1.0
+    ends = []
+    for poses in (state.start, state.end):
+        poses.position[:] = rng.normal(size=poses.position.shape)
+        turn = Rotation.random(len(poses.position), rng)
+        poses.orientation[:] = turn.as_quat()
+        solid = state.shapes.collider
+        ends.append(
+            PosedEllipsoids(
+                poses.position[solid] - state.origin,
+                turn.as_matrix()[solid],
+                np.stack([RADII, np.full(3, 0.07)]) + 0.002,
+            ).table()
+        )
+    state.pose()
+    found = np.zeros((2, 2, 15))
+    _fill(state.shapes, state.posed, 0.002, *found)
+    # Poses are in single precision; the maps to the unit ball are up to 10 / m.
+    np.testing.assert_allclose(found, ends, atol=1e-5)
