@@ -25,7 +25,7 @@ from garment_sim_ros.colliders.hull_placement import (
     place,
     quadric_error,
 )
-from garment_sim_ros.colliders.hull_simplify import _delete
+from garment_sim_ros.colliders.hull_simplify import _delete, _polish
 
 CHECKED = settings(derandomize=True, deadline=None, max_examples=10)
 SEEDS = st.integers(0, 10**6)
@@ -93,6 +93,11 @@ class Patch:
         self.edges = gather_link(
             faces, neighbours, removed, self.faces, self.count, self.link, self.outer
         )
+
+    def fan(self, vertex):
+        """Triangles from the outline to a vertex."""
+        loop = self.link[: self.edges]
+        return np.stack([loop, np.roll(loop, -1), np.full_like(loop, vertex)], axis=1)
 
 
 def naive_outline(faces, removed):
@@ -282,38 +287,76 @@ def test_fans_bound_what_they_replace(seed):
         assert fan_volume(x, patch.link, patch.edges, x[v]) == pytest.approx(expected, abs=1e-12)
 
 
+def naive_cost(start, patch, removed, v, objective):
+    """What a vertex costs in the place of those removed: its error, or the volume gained."""
+    if objective == QUADRIC:
+        return quadric_error(start.quadric(removed), v)
+    corners = np.concatenate([start.x, [v]])
+    old = start.faces[patch.faces[: patch.count]]
+    return (np.linalg.det(corners[patch.fan(-1)]).sum() - np.linalg.det(corners[old]).sum()) / 6.0
+
+
 @pytest.mark.parametrize("objective", [QUADRIC, VOLUME])
+@pytest.mark.parametrize("fewer", [2, 4])
 @settings(CHECKED, max_examples=6)
 @given(SEEDS)
-def test_the_cheapest_edge_goes_first(objective, seed):
-    """Of all that can go, and its best vertex comes in its place."""
+def test_the_cheapest_goes_first(fewer, objective, seed):
+    """Of all edges and, at half their cost, triangles; its best vertex comes in their place."""
     start = Start(seed)
-    best, expected, expected_v = np.inf, set(), None
+    best, expected, expected_v, gone = np.inf, set(), None, 0
     for f, removed in choices(start.faces):
+        ends = len(set(removed.tolist()))
         patch = Patch(start.faces, start.neighbours, f, removed)
-        if len(set(removed.tolist())) != 2 or patch.edges == 0:
+        if ends == 1 or 2 * (ends - 1) > fewer or patch.edges == 0:
             continue
         v = start.place(patch, removed, objective)
         if v is None:
             continue
-        old = start.faces[patch.faces[: patch.count]]
-        new = [(*patch.link[[k, (k + 1) % patch.edges]], -1) for k in range(patch.edges)]
-        corners = np.concatenate([start.x, [v]])
-        gained = np.linalg.det(corners[np.array(new)]).sum() - np.linalg.det(corners[old]).sum()
-        cost = quadric_error(start.quadric(removed), v) if objective == QUADRIC else gained
+        cost = naive_cost(start, patch, removed, v, objective) * (1.0 if ends == 2 else 0.5)
         if cost < best:
-            best, expected_v = cost, v
+            best, expected_v, gone = cost, v, 2 * (ends - 1)
+            old = start.faces[patch.faces[: patch.count]]
             expected = turned_alike(start.faces) - turned_alike(old)
-            expected |= turned_alike([(a, b, start.count) for a, b, _ in new])
+            expected |= turned_alike(patch.fan(start.count))
     scratch = np.empty((3, MAX_PATCH), np.int32)
-    count, deleted = _delete(
+    first_count = start.count
+    _, deleted = _delete(
         *(start.x, start.count, start.quadrics, start.faces, start.neighbours),
-        *(start.inner.vertices, start.limits, start.touching, len(start.faces) - 2),
+        *(start.inner.vertices, start.limits, start.touching, len(start.faces) - fewer),
         *(objective, scratch, start.planes),
     )
     assert deleted == (best < np.inf)
-    if not deleted:
-        return
-    assert count == start.count + 1
-    np.testing.assert_allclose(start.x[start.count], expected_v, atol=1e-9)
-    assert turned_alike(start.faces[start.faces[:, 0] >= 0]) == expected
+    if deleted:
+        np.testing.assert_allclose(start.x[first_count], expected_v, atol=1e-9)
+    if gone == fewer:
+        assert turned_alike(start.faces[start.faces[:, 0] >= 0]) == expected
+
+
+@pytest.mark.parametrize("objective", [QUADRIC, VOLUME])
+@settings(CHECKED, max_examples=6)
+@given(SEEDS)
+def test_polishing(objective, seed):
+    """Each vertex goes to its best place where that is cheaper, one after the other."""
+    start, found = Start(seed), Start(seed)
+    moved = 0
+    for vertex in range(start.count):
+        f = int(np.flatnonzero((start.faces == vertex).any(axis=1))[-1])
+        removed = np.full(3, vertex, np.int32)
+        patch = Patch(start.faces, start.neighbours, f, removed)
+        start.touching[:] = np.nan
+        v = start.place(patch, removed, objective)
+        if v is None:
+            continue
+        before = quadric_error(start.quadric(removed), start.x[vertex])
+        if naive_cost(start, patch, removed, v, objective) < (
+            before if objective == QUADRIC else 0
+        ):
+            start.x[vertex] = v
+            moved += 1
+    scratch = np.empty((3, MAX_PATCH), np.int32)
+    _polish(
+        *(found.x, found.count, found.quadrics, found.faces, found.neighbours),
+        *(found.inner.vertices, found.limits, found.touching, objective, scratch, found.planes),
+    )
+    assert moved > 0
+    np.testing.assert_allclose(found.x, start.x, atol=1e-6)
