@@ -1,7 +1,6 @@
 """Kernels of `implicit` against naive float64 twins, and its matrix against its purpose."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -12,10 +11,9 @@ from garment_sim_ros.sim import naive_implicit
 from garment_sim_ros.sim.elasticity import hinges
 from garment_sim_ros.sim.kernels.cholesky import factorise, solve_factorised
 from garment_sim_ros.sim.kernels.implicit_forces import edge_forces, hinge_forces, on_the_cone
+from garment_sim_ros.sim.kernels.implicit_steps import keep_up
 from garment_sim_ros.sim.kernels.quasi_newton import descend, remember
 from garment_sim_ros.sim.solvers.implicit_workspace import Past, bending_bound
-
-pytestmark = pytest.mark.slow
 
 SEEDS = st.integers(0, 10**6)
 
@@ -182,3 +180,11 @@ def test_the_matrix_bounds_bending(cloth, seed):
         above[np.ix_(particles, particles)] -= k * np.outer(w, w)
     lowest = np.linalg.eigvalsh(above)[0]
     assert lowest > -1e-9 * bound.max()
+
+
+def test_where_particles_lag_from_stays_when_they_are_put_elsewhere():
+    rng = np.random.default_rng(0)
+    before, x, behind = rng.normal(size=(3, 20, 3)).astype(np.float32)
+    expected = before.astype(np.float64) + behind - x
+    keep_up(x, before, behind)
+    np.testing.assert_allclose(behind, expected, atol=1e-6)

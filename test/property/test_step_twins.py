@@ -112,7 +112,6 @@ def test_xpbd(scene, iterations, every, moving):
     assert attached.held[0] > 0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("iterations", [1, 4])
 def test_implicit(scene, iterations):
     """With springs to places on the body, one of them so stiff that it does not give way."""
