@@ -82,6 +82,7 @@ def run_sub_steps(
     count,
     iterations,
     bending_every,
+    search_every,
     slow,
     motion,
     flags,
@@ -128,7 +129,8 @@ def run_sub_steps(
         dt: Sub-step [s].
         count: Number of sub-steps in a step.
         iterations: Passes over the edges in each.
-        bending_every: Sub-steps for each pass over the hinges and each search for contacts.
+        bending_every: Sub-steps for each pass over the hinges.
+        search_every: Sub-steps for each search for contacts.
         slow: RMS speed below which edges are solved more exactly [m/s].
         motion: Output, sum and maximum of squared speeds [m^2/s^2], shape [2].
         flags: Scratch of a step: whether it is fast enough for the quick pass over edges, whether
@@ -161,7 +163,7 @@ def run_sub_steps(
         to_position[:] = start[0]
         to_orientation[:] = start[1]
         x_search[:] = x
-        glide(x_search, v, dt * np.float32(bending_every), x_coast)
+        glide(x_search, v, dt * np.float32(search_every), x_coast)
         search_position[:] = start[0]
         search_orientation[:] = start[1]
     hurried, still, known = flags[_HURRIED], flags[_STILL], flags[_KNOWN]
@@ -172,7 +174,7 @@ def run_sub_steps(
             interpolate_poses(
                 start[0], start[1], end[0], end[1], (s + 1) / count, to_position, to_orientation
             )
-            if (s + 1) % bending_every == 0 or (s == 0 and not known):
+            if (s + 1) % search_every == 0 or (s == 0 and not known):
                 pose_shapes(
                     shapes,
                     from_position,
@@ -276,7 +278,7 @@ def run_sub_steps(
             dt,
             np.float32(1.0) / dt,
         )
-        if (s + 1) % bending_every != 0 and (s > 0 or known):
+        if (s + 1) % search_every != 0 and (s > 0 or known):
             touch_planes(
                 x[:free],
                 v[:free],
@@ -349,7 +351,7 @@ def run_sub_steps(
         )
         remember_planes(x[:free], x_start[:free], contacts.shape, posed.carry, place, ride)
         x_search[:] = x
-        glide(x_search, v, dt * np.float32(bending_every), x_coast)
+        glide(x_search, v, dt * np.float32(search_every), x_coast)
         search_position[:] = to_position
         search_orientation[:] = to_orientation
     if last == count:

@@ -40,8 +40,8 @@ def step(
 
     Each sub-step: outer forces and a prediction, pins, the edges, collision as an absolute
     constraint with friction, velocities. Bending and the search for contacts come every so often,
-    see `XpbdSettings.bending_every`; in between, contact is with tangent planes. Does not allocate
-    arrays after the first step.
+    see `XpbdSettings.bending_every` and `XpbdWorkspace.prepare`; in between, contact is with
+    tangent planes. Does not allocate arrays after the first step.
 
     Args:
         model: The garment.
@@ -52,9 +52,9 @@ def step(
         dt: Step [s].
     """
     assert isinstance(workspace, XpbdWorkspace)
-    count, bending_every = _sub_steps(workspace, params, dt)
+    count, search_every = _sub_steps(workspace, params, dt)
     shared = _shares(model, params)
-    given = _given(model, colliders, params, state, workspace, dt, count, bending_every, shared)
+    given = _given(model, colliders, params, state, workspace, dt, count, search_every, shared)
     advance = _machine_code(workspace, shared, given, count)
     workspace.contact_count = advance(*given, 0, count)
 
@@ -78,33 +78,33 @@ def step_layers(
         params: Outer forces and `XpbdSettings`.
         dt: Step [s].
     """
-    count, bending_every = max(_sub_steps(w, params, dt) for _, _, w in garments)
+    count, search_every = max(_sub_steps(w, params, dt) for _, _, w in garments)
     given = []
     for model, state, workspace in garments:
         shared = _shares(model, params)
         given.append(
-            _given(model, colliders, params, state, workspace, dt, count, bending_every, shared)
+            _given(model, colliders, params, state, workspace, dt, count, search_every, shared)
         )
         _machine_code(workspace, shared, given[-1], count)
     for s in range(count):
         for (_, _, workspace), g in zip(garments, given, strict=True):
             workspace.contact_count = workspace.code(*g, s, s + 1)
         for pair in pairs:
-            if s % bending_every == 0:
+            if s % search_every == 0:
                 pair.find_close(dt / count)
             pair.part()
 
 
 def _sub_steps(workspace: Workspace, params: Parameters, dt: float) -> tuple[int, int]:
-    """How many in a step of dt [s], and how many for each pass over the hinges."""
+    """How many in a step of dt [s], and how many for each search for contacts."""
     assert isinstance(workspace, XpbdWorkspace)
     settings = params.settings
     assert isinstance(settings, XpbdSettings)
     longest = settings.sub_step * min(1.0, math.sqrt(workspace.extent / _SMALL))
     count = max(1, math.ceil(dt / longest - 1e-6))
     passes = math.ceil(count / settings.bending_every)
-    bending_every = math.ceil(count / passes)
-    return passes * bending_every, bending_every
+    search_every = math.ceil(count / passes)
+    return passes * search_every, search_every
 
 
 def _shares(model: ClothModel, params: Parameters) -> bool:
@@ -136,7 +136,7 @@ def _given(
     workspace: Workspace,
     dt: float,
     count: int,
-    bending_every: int,
+    search_every: int,
     shared: bool,
 ) -> tuple[Any, ...]:
     """What `run_sub_steps` needs for `count` sub-steps in dt [s]."""
@@ -148,7 +148,7 @@ def _given(
     drag = material.air_drag / material.areal_density
     rate = material.damping + drag
     coarse = settings.coarse and settings.iterations == 1
-    workspace.prepare(model, h, rate, bending_every, coarse)
+    workspace.prepare(model, h, rate, search_every, coarse)
     if workspace.between is None:
         a, b = colliders.start.copy(), ColliderPoses.identity(len(colliders.start.position))
         scratch = np.zeros((3, 3, 3))
@@ -197,7 +197,8 @@ def _given(
         np.float32(h),
         count,
         settings.iterations,
-        bending_every,
+        workspace.bending_every,
+        search_every,
         _SLOW * max(1.0, workspace.extent),
         workspace.motion,
         workspace.flags,

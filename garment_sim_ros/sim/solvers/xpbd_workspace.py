@@ -27,6 +27,11 @@ SingleArray = NDArray[np.float32]
 IntArray = NDArray[np.int32]
 IndexArray = NDArray[np.uint32]
 
+_HELD = 1.0
+"""A hinge that swings through less than this [rad] in some time may be left alone for it."""
+_STIFFEST = 2.0
+"""Hinges that swing through more than this [rad] from pass to pass count as if they did not."""
+
 
 class Prepared(NamedTuple):
     """Edges and hinges as a sub-step needs them.
@@ -68,12 +73,14 @@ class XpbdWorkspace(Workspace):
         extent: Of the garment at rest, the largest [m].
         hinge_weight: Weights of the hinges' curvature, shape [h, 4].
         hinge_stiffness: Their stiffnesses [N/m], shape [h].
+        hinge_rate: Angular frequencies at which they swing by themselves [1/s], shape [h].
         prepared: What the sub-steps need, for one length of them.
         coarse: A coarse level of the edges, for the same, where it is asked for.
         threads: What it is made of; None where there is none.
         parts: What of it threads can share.
-        prepared_for: That length [s], the rate of damping [1/s], the sub-steps for each pass over
-            the hinges, and whether there is a coarse level.
+        prepared_for: That length [s], the rate of damping [1/s], the sub-steps for each search for
+            contacts, and whether there is a coarse level.
+        bending_every: Sub-steps for each pass over the hinges, see `prepare`.
         place: Points of the planes in which particles touch shapes [m], shape [free, 3].
         ride: How far those move in a sub-step [m], shape [free, 3].
         x_end: Positions at the end of the last step [m], shape [n, 3].
@@ -94,11 +101,13 @@ class XpbdWorkspace(Workspace):
     extent: float
     hinge_weight: FloatArray
     hinge_stiffness: FloatArray
+    hinge_rate: FloatArray
     prepared: Prepared
     coarse: CoarseLevel
     threads: Threads | None
     parts: Parts
     prepared_for: tuple[float, float, int, bool]
+    bending_every: int
     place: SingleArray
     ride: SingleArray
     x_end: SingleArray
@@ -128,6 +137,7 @@ class XpbdWorkspace(Workspace):
         by_part, hinge_start = order_by_part(bending.particles[used], parts)
         used = used[by_part]
         m, h = len(edges), len(used)
+        lightness = (weight[bending.particles[used]] * bending.weight[used] ** 2).sum(axis=1)
         rest_squared = ((rest[edges[:, 0]] - rest[edges[:, 1]]) ** 2).sum(axis=1)
         return cls(
             **vars(Workspace.room_for(model, shapes)),
@@ -136,6 +146,7 @@ class XpbdWorkspace(Workspace):
             stiffness=edge_stiffness(rest, triangles, edges, model.material),
             hinge_weight=np.ascontiguousarray(bending.weight[used]),
             hinge_stiffness=np.ascontiguousarray(bending.stiffness[used]),
+            hinge_rate=np.sqrt(bending.stiffness[used] * lightness),
             prepared=Prepared(
                 edge_particles=np.ascontiguousarray(edges.ravel(), np.uint32),
                 edges=np.zeros((m, 4), np.float32),
@@ -147,6 +158,7 @@ class XpbdWorkspace(Workspace):
             threads=None,
             parts=Parts(edges=edge_start, hinges=hinge_start),
             prepared_for=(0.0, 0.0, 0, False),
+            bending_every=1,
             place=np.zeros((model.free_count, 3), np.float32),
             ride=np.zeros((model.free_count, 3), np.float32),
             x_end=np.full((len(model), 3), np.nan, np.float32),
@@ -160,18 +172,26 @@ class XpbdWorkspace(Workspace):
         )
 
     def prepare(
-        self, model: ClothModel, dt: float, rate: float, bending_every: int, coarse: bool = False
+        self, model: ClothModel, dt: float, rate: float, search_every: int, coarse: bool = False
     ) -> None:
         """Fills `prepared` and `coarse` for sub-steps, unless they are.
+
+        What a pass over the hinges gives them acts until the next one. What edges and contact do
+        meanwhile it does not know: against these it is an explicit force, and stiff hinges would
+        shake. They have a pass in every sub-step, together with the edges. One pass does not
+        solve hinges that are stiffer still, but bends some of them back by more than they were
+        bent; as it gives no hinge more than a part of what would bring it back, which is all but
+        one for these, they are taken as the stiffest that are brought back by four fifths.
 
         Args:
             model: The garment.
             dt: Sub-step [s].
             rate: Of damping [1/s].
-            bending_every: Sub-steps for each pass over the hinges.
+            search_every: Sub-steps for each search for contacts; hinges that are not stiff have a
+                pass as often.
             coarse: Whether there shall be a coarse level.
         """
-        if self.prepared_for == (dt, rate, bending_every, coarse):
+        if self.prepared_for == (dt, rate, search_every, coarse):
             return
         ready = self.prepared
         prepare_edges(
@@ -190,13 +210,18 @@ class XpbdWorkspace(Workspace):
         if self.threads is not None:
             keep = 1.0 / (1.0 + dt * rate)
             prepare_cells(self.coarse, self.threads, keep, dt)
+        longest = _HELD / max(float(self.hinge_rate.max(initial=0.0)), 1e-300)
+        divisors = (n for n in range(search_every, 1, -1) if search_every % n == 0)
+        self.bending_every = next((n for n in divisors if n * dt <= longest), 1)
+        time = dt * self.bending_every
+        swing = np.maximum(time * self.hinge_rate, _STIFFEST)
         prepare_hinges(
             ready.hinge_particles,
             self.hinge_weight,
-            self.hinge_stiffness,
+            self.hinge_stiffness * (_STIFFEST / swing) ** 2,
             model.inverse_mass,
-            1.0 / (1.0 + dt * bending_every * rate),
-            dt * bending_every,
+            1.0 / (1.0 + time * rate),
+            time,
             ready.hinges,
         )
-        self.prepared_for = (dt, rate, bending_every, coarse)
+        self.prepared_for = (dt, rate, search_every, coarse)
