@@ -377,7 +377,7 @@ class XpbdSettings(_Sweeps):
     iterations: int = parameter(1, "Passes over the edges in a sub-step.", minimum=1, maximum=1000)
     bending_every: int = parameter(
         4,
-        "Sub-steps for each pass over the hinges and each search for contacts.",
+        "Sub-steps for each search for contacts and each pass over hinges, unless stiff.",
         minimum=1,
         maximum=64,
     )

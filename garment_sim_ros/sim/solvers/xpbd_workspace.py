@@ -27,10 +27,8 @@ SingleArray = NDArray[np.float32]
 IntArray = NDArray[np.int32]
 IndexArray = NDArray[np.uint32]
 
-_HELD = 1.0
-"""A hinge that swings through less than this [rad] in some time may be left alone for it."""
-_STIFFEST = 2.0
-"""Hinges that swing through more than this [rad] from pass to pass count as if they did not."""
+_SWING = 1.0
+"""The farthest that hinges, by themselves, may swing from one pass to the next [rad]."""
 
 
 class Prepared(NamedTuple):
@@ -178,10 +176,11 @@ class XpbdWorkspace(Workspace):
 
         What a pass over the hinges gives them acts until the next one. What edges and contact do
         meanwhile it does not know: against these it is an explicit force, and stiff hinges would
-        shake. They have a pass in every sub-step, together with the edges. One pass does not
-        solve hinges that are stiffer still, but bends some of them back by more than they were
-        bent; as it gives no hinge more than a part of what would bring it back, which is all but
-        one for these, they are taken as the stiffest that are brought back by four fifths.
+        shake. They have passes more often, up to one in every sub-step, together with the edges.
+        Where even that is too seldom, single hinges are taken as the stiffest for which it is not.
+        That leaves at least half of what they resist with: the force of one pass is that which
+        brings a hinge back in the sub-step, or less. But passes that bring all hinges back all of
+        the way, one after the other, bend some of them to and fro for good.
 
         Args:
             model: The garment.
@@ -210,15 +209,15 @@ class XpbdWorkspace(Workspace):
         if self.threads is not None:
             keep = 1.0 / (1.0 + dt * rate)
             prepare_cells(self.coarse, self.threads, keep, dt)
-        longest = _HELD / max(float(self.hinge_rate.max(initial=0.0)), 1e-300)
+        fastest = float(self.hinge_rate.max(initial=0.0))
         divisors = (n for n in range(search_every, 1, -1) if search_every % n == 0)
-        self.bending_every = next((n for n in divisors if n * dt <= longest), 1)
+        self.bending_every = next((n for n in divisors if n * dt * fastest <= _SWING), 1)
         time = dt * self.bending_every
-        swing = np.maximum(time * self.hinge_rate, _STIFFEST)
+        swing = np.maximum(time * self.hinge_rate, _SWING)
         prepare_hinges(
             ready.hinge_particles,
             self.hinge_weight,
-            self.hinge_stiffness * (_STIFFEST / swing) ** 2,
+            self.hinge_stiffness * (_SWING / swing) ** 2,
             model.inverse_mass,
             1.0 / (1.0 + time * rate),
             time,
