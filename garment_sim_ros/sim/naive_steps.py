@@ -125,23 +125,37 @@ class Elastic:
     hinge_stiffness: FloatArray
 
 
+def bending(piece: Piece, elastic: Elastic, every: int, dt: float) -> tuple[int, FloatArray]:
+    """Sub-steps of dt [s] for each pass over the hinges, and the stiffnesses for that [N/m].
+
+    The largest divisor of `every` in which no hinge swings through more than a radian by itself;
+    where there is none, one sub-step, and those that do are taken as just so stiff.
+    """
+    lightness = (piece.inverse_mass[elastic.hinges] * elastic.weight**2).sum(axis=1)
+    rate = np.sqrt(elastic.hinge_stiffness * lightness)
+    slow = [n for n in range(1, every + 1) if every % n == 0 and (rate * n * dt <= 1.0).all()]
+    n = max(slow, default=1)
+    return n, np.minimum(elastic.hinge_stiffness, 1.0 / (lightness * (n * dt) ** 2))
+
+
 def xpbd_step(
     piece: Piece, elastic: Elastic, count: int, iterations: int, every: int, dt: float
 ) -> None:
-    """So many sub-steps of dt [s], the first of them after a search for contacts."""
+    """So many sub-steps of dt [s], with a search for contacts after each `every`."""
     f, x, v = piece.free, piece.x, piece.v
     keep = 1.0 / (1.0 + dt * piece.damping)
     planes: dict[int, tuple[FloatArray, FloatArray]] = {}
     grip = piece.friction if f < len(x) else 0.0
     radius = float(piece.sphere.geometry["radius"])  # type: ignore[arg-type]
+    bend_every, hinge_stiffness = bending(piece, elastic, every, dt)
     for s in range(count):
-        if s % every == 0:
-            long = every * dt
+        if s % bend_every == 0:
+            long = bend_every * dt
             bent = naive_xpbd.bend(
-                *(x, v, elastic.hinges, elastic.weight, elastic.hinge_stiffness),
+                *(x, v, elastic.hinges, elastic.weight, hinge_stiffness),
                 *(piece.inverse_mass / (1.0 + long * piece.damping), long),
             )
-            push = keep * dt * piece.gravity + (bent - v)[:f] / every
+            push = keep * dt * piece.gravity + (bent - v)[:f] / bend_every
         x_start = x.copy()
         piece.fall(keep, push, dt)
         ride = piece.way((s + 1) / count) - piece.way(s / count)
