@@ -125,17 +125,21 @@ class Elastic:
     hinge_stiffness: FloatArray
 
 
-def bending(piece: Piece, elastic: Elastic, every: int, dt: float) -> tuple[int, FloatArray]:
+def bending(
+    piece: Piece, elastic: Elastic, count: int, every: int, dt: float
+) -> tuple[int, FloatArray]:
     """Sub-steps of dt [s] for each pass over the hinges, and the stiffnesses for that [N/m].
 
-    The largest divisor of `every` in which no hinge swings through more than a radian by itself;
-    where there is none, one sub-step, and those that do are taken as just so stiff.
+    The largest divisor of `count`, up to `every`, in which no hinge swings through more than 60
+    degrees by itself; where there is none, one, and those that do are taken as just so stiff.
     """
     lightness = (piece.inverse_mass[elastic.hinges] * elastic.weight**2).sum(axis=1)
     rate = np.sqrt(elastic.hinge_stiffness * lightness)
-    slow = [n for n in range(1, every + 1) if every % n == 0 and (rate * n * dt <= 1.0).all()]
+    slow = [
+        n for n in range(1, every + 1) if count % n == 0 and (rate * n * dt <= np.pi / 3).all()
+    ]
     n = max(slow, default=1)
-    return n, np.minimum(elastic.hinge_stiffness, 1.0 / (lightness * (n * dt) ** 2))
+    return n, np.minimum(elastic.hinge_stiffness, (np.pi / 3) ** 2 / (lightness * (n * dt) ** 2))
 
 
 def xpbd_step(
@@ -147,7 +151,7 @@ def xpbd_step(
     planes: dict[int, tuple[FloatArray, FloatArray]] = {}
     grip = piece.friction if f < len(x) else 0.0
     radius = float(piece.sphere.geometry["radius"])  # type: ignore[arg-type]
-    bend_every, hinge_stiffness = bending(piece, elastic, every, dt)
+    bend_every, hinge_stiffness = bending(piece, elastic, count, every, dt)
     for s in range(count):
         if s % bend_every == 0:
             long = bend_every * dt

@@ -148,7 +148,7 @@ def _given(
     drag = material.air_drag / material.areal_density
     rate = material.damping + drag
     coarse = settings.coarse and settings.iterations == 1
-    workspace.prepare(model, h, rate, search_every, coarse)
+    workspace.prepare(model, h, rate, search_every, coarse, count)
     if workspace.between is None:
         a, b = colliders.start.copy(), ColliderPoses.identity(len(colliders.start.position))
         scratch = np.zeros((3, 3, 3))

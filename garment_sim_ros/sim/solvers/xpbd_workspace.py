@@ -27,7 +27,7 @@ SingleArray = NDArray[np.float32]
 IntArray = NDArray[np.int32]
 IndexArray = NDArray[np.uint32]
 
-_SWING = 1.0
+_SWING = np.pi / 3
 """The farthest that hinges, by themselves, may swing from one pass to the next [rad]."""
 
 
@@ -77,7 +77,7 @@ class XpbdWorkspace(Workspace):
         threads: What it is made of; None where there is none.
         parts: What of it threads can share.
         prepared_for: That length [s], the rate of damping [1/s], the sub-steps for each search for
-            contacts, and whether there is a coarse level.
+            contacts, whether there is a coarse level, and the sub-steps of a step.
         bending_every: Sub-steps for each pass over the hinges, see `prepare`.
         place: Points of the planes in which particles touch shapes [m], shape [free, 3].
         ride: How far those move in a sub-step [m], shape [free, 3].
@@ -104,7 +104,7 @@ class XpbdWorkspace(Workspace):
     coarse: CoarseLevel
     threads: Threads | None
     parts: Parts
-    prepared_for: tuple[float, float, int, bool]
+    prepared_for: tuple[float, float, int, bool, int]
     bending_every: int
     place: SingleArray
     ride: SingleArray
@@ -155,7 +155,7 @@ class XpbdWorkspace(Workspace):
             coarse=CoarseLevel.none(),
             threads=None,
             parts=Parts(edges=edge_start, hinges=hinge_start),
-            prepared_for=(0.0, 0.0, 0, False),
+            prepared_for=(0.0, 0.0, 0, False, 0),
             bending_every=1,
             place=np.zeros((model.free_count, 3), np.float32),
             ride=np.zeros((model.free_count, 3), np.float32),
@@ -170,7 +170,13 @@ class XpbdWorkspace(Workspace):
         )
 
     def prepare(
-        self, model: ClothModel, dt: float, rate: float, search_every: int, coarse: bool = False
+        self,
+        model: ClothModel,
+        dt: float,
+        rate: float,
+        search_every: int,
+        coarse: bool = False,
+        count: int = 0,
     ) -> None:
         """Fills `prepared` and `coarse` for sub-steps, unless they are.
 
@@ -189,8 +195,10 @@ class XpbdWorkspace(Workspace):
             search_every: Sub-steps for each search for contacts; hinges that are not stiff have a
                 pass as often.
             coarse: Whether there shall be a coarse level.
+            count: Sub-steps in a step; a whole number of passes fits into them.
         """
-        if self.prepared_for == (dt, rate, search_every, coarse):
+        prepared_for = (dt, rate, search_every, coarse, count)
+        if self.prepared_for == prepared_for:
             return
         ready = self.prepared
         prepare_edges(
@@ -210,7 +218,8 @@ class XpbdWorkspace(Workspace):
             keep = 1.0 / (1.0 + dt * rate)
             prepare_cells(self.coarse, self.threads, keep, dt)
         fastest = float(self.hinge_rate.max(initial=0.0))
-        divisors = (n for n in range(search_every, 1, -1) if search_every % n == 0)
+        whole = count or search_every
+        divisors = (n for n in range(search_every, 1, -1) if whole % n == 0)
         self.bending_every = next((n for n in divisors if n * dt * fastest <= _SWING), 1)
         time = dt * self.bending_every
         swing = np.maximum(time * self.hinge_rate, _SWING)
@@ -223,4 +232,4 @@ class XpbdWorkspace(Workspace):
             time,
             ready.hinges,
         )
-        self.prepared_for = (dt, rate, search_every, coarse)
+        self.prepared_for = prepared_for
