@@ -216,7 +216,8 @@ def hull_distances(shapes, posed, k, thickness, block, cell, lane):
         )
         block[i + _ROW_DISTANCE] = _lower(best, most)
         block[i + _ROW_PLANE] = np.float32(plane)
-        block[i + _ROW_FIRM] = _lower(best - second, reach)
+        # Inside, a plane that is buried may be the nearest as soon as it is crossed.
+        block[i + _ROW_FIRM] = _lower(best - second, reach) if best > zero else zero
 
 
 def hull_distances_if_any(shapes, posed, k, thickness, block, cell, lane):

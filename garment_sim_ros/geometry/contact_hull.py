@@ -1,10 +1,12 @@
 """Point against convex hull: the signed distance to its planes, from a grid of candidates.
 
-Inside, the distance is exact. Outside it is that to the nearest face's plane, as if faces were
-moved out: less than the true distance off edges and corners.
+Inside, the distance is exact, but for faces that lie inside other hulls, see `buried_faces`: there
+is no way out through them. Outside it is that to the nearest face's plane, as if faces were moved
+out: less than the true distance off edges and corners.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +15,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.face_grid import face_grid
+from garment_sim_ros.geometry.face_grid import FaceGrid, face_grid
 from garment_sim_ros.geometry.jit import lean_kernel
 
 FloatArray = NDArray[np.float64]
@@ -31,8 +33,10 @@ _OVERLAP = 0.1
 class PackedHulls(NamedTuple):
     """Hulls as flat arrays.
 
-    Planes stand in fours, so that four heights are found at once: four normals' x, y and z, then
-    the offsets. Lists that do not fill their last four end with planes that all is far below.
+    Planes stand in fours, so that four heights are found at once: four normals' x, y and z, the
+    offsets, and how much farther away planes are for points below them, which is nothing or, where
+    they are buried, very much. Lists that do not fill their last four end with planes that all is
+    far below.
 
     Attributes:
         plane: The planes, flat: lists of the cells, hull by hull, and then whole hulls.
@@ -73,8 +77,8 @@ def _in_fours(
     which = np.append(lists, 0)[np.minimum(start[row] + slot, len(lists))]
     which[slot >= length[row]] = len(planes)
     which[length[row] == 0] = len(planes) + 1
-    planes = np.vstack([planes, [0.0, 0.0, 0.0, _FAR], [0.0, 0.0, 0.0, -_FAR]])
-    packed = planes[which].reshape(-1, 4, 4).transpose(0, 2, 1)
+    planes = np.vstack([planes, [0.0, 0.0, 0.0, _FAR, 0.0], [0.0, 0.0, 0.0, -_FAR, 0.0]])
+    packed = planes[which].reshape(-1, 4, 5).transpose(0, 2, 1)
     return np.ascontiguousarray(packed, np.float32).ravel(), first.astype(np.int32)
 
 
@@ -123,8 +127,34 @@ def hull_bound(vertices: FloatArray) -> tuple[float, ...]:
     return (*(centre - end).tolist(), *(centre + end).tolist(), radius)
 
 
-def pack_hulls(hulls: Mapping[str, tuple[object, object]]) -> PackedHulls:
+def _with_exposed(
+    planes: FloatArray, buried: NDArray[np.bool_], low: FloatArray, high: FloatArray, far: float
+) -> FaceGrid:
+    """A grid of candidates of all planes, and of those that are not buried if some are."""
+    grid = face_grid(planes, low, high, far=far, overlap=_OVERLAP)
+    if not buried.any():
+        return grid
+    exposed = np.flatnonzero(~buried).astype(np.int32)
+    inner = face_grid(planes[exposed], low, high, far=far, overlap=_OVERLAP)
+    lists = []
+    for c in range(len(grid.start) - 1):
+        own = grid.face[grid.start[c] : grid.start[c + 1]]
+        other = exposed[inner.face[inner.start[c] : inner.start[c + 1]]]
+        lists.append(np.union1d(own, other).astype(np.int32) if len(own) else own)
+    start = np.cumsum([0, *map(len, lists)]).astype(np.int32)
+    return replace(grid, start=start, face=np.concatenate(lists))
+
+
+def pack_hulls(
+    hulls: Mapping[str, tuple[object, object]],
+    buried: Callable[[list[FloatArray]], list[NDArray[np.bool_]]] | None = None,
+) -> PackedHulls:
     """Hulls given by name, vertices and outward faces, as flat arrays.
+
+    Args:
+        hulls: The hulls.
+        buried: Tells of the distinct planes of each, as `hull_planes` has them, which are buried;
+            None for none.
 
     Raises:
         GeometryError: One is not a closed convex polyhedron.
@@ -140,17 +170,19 @@ def pack_hulls(hulls: Mapping[str, tuple[object, object]]) -> PackedHulls:
         boxes.append([*x.min(axis=0), *x.max(axis=0)])
     box = np.array(boxes).reshape(-1, 6)
     around = np.float32(_AROUND * (box[:, 3:] - box[:, :3]).max(initial=0.0))
+    hidden = [np.zeros(len(own), bool) for own in planes] if buried is None else buried(planes)
     grids = [
-        face_grid(own, low - around, high + around, far=float(around), overlap=_OVERLAP)
-        for own, low, high in zip(planes, box[:, :3], box[:, 3:])
+        _with_exposed(own, under, low - around, high + around, float(around))
+        for own, under, low, high in zip(planes, hidden, box[:, :3], box[:, 3:])
     ]
+    planes = [np.column_stack([own, _FAR * under]) for own, under in zip(planes, hidden)]
     lists = [_in_fours(own, g.face, g.start) for own, g in zip(planes, grids)]
     whole = [
         _in_fours(p, np.arange(len(p), dtype=np.int32), np.array([0, len(p)], np.int32))
         for p in planes
     ]
     packed = [p for p, _ in (*lists, *whole)]
-    at = np.cumsum([0, *(len(p) // 16 for p in packed)])
+    at = np.cumsum([0, *(len(p) // 20 for p in packed)])
     first_cell = np.cumsum([0, *(len(g.start) for g in grids)])
     none: list[NDArray[np.int32]] = [np.zeros(0, np.int32)]
     return PackedHulls(
@@ -183,25 +215,38 @@ def _cell_of(shapes, h, x, y, z):
 @lean_kernel(forceinline=True)
 def _four_heights(shapes, four, x, y, z):
     """Heights of a point over four planes."""
-    at = np.uint64(four) * np.uint64(16)
+    at = np.uint64(four) * np.uint64(20)
     planes = shapes.hulls.plane
-    return (
+    a = (
         planes[at] * x
         + planes[at + np.uint64(4)] * y
         + planes[at + np.uint64(8)] * z
-        - planes[at + np.uint64(12)],
+        - planes[at + np.uint64(12)]
+    )
+    b = (
         planes[at + np.uint64(1)] * x
         + planes[at + np.uint64(5)] * y
         + planes[at + np.uint64(9)] * z
-        - planes[at + np.uint64(13)],
+        - planes[at + np.uint64(13)]
+    )
+    c = (
         planes[at + np.uint64(2)] * x
         + planes[at + np.uint64(6)] * y
         + planes[at + np.uint64(10)] * z
-        - planes[at + np.uint64(14)],
+        - planes[at + np.uint64(14)]
+    )
+    d = (
         planes[at + np.uint64(3)] * x
         + planes[at + np.uint64(7)] * y
         + planes[at + np.uint64(11)] * z
-        - planes[at + np.uint64(15)],
+        - planes[at + np.uint64(15)]
+    )
+    zero = np.float32(0.0)
+    return (
+        a if a > zero else a - planes[at + np.uint64(16)],
+        b if b > zero else b - planes[at + np.uint64(17)],
+        c if c > zero else c - planes[at + np.uint64(18)],
+        d if d > zero else d - planes[at + np.uint64(19)],
     )
 
 
@@ -254,7 +299,7 @@ def planes_near(shapes, h, x, y, z, reach):
 def hull_normal(shapes, posed, k, plane):
     """Unit direction out of shape k, a hull, over a plane that `two_highest` told."""
     at = np.uint64(plane)
-    at = np.uint64(16) * (at >> np.uint64(2)) + (at & np.uint64(3))
+    at = np.uint64(20) * (at >> np.uint64(2)) + (at & np.uint64(3))
     nx = shapes.hulls.plane[at]
     ny = shapes.hulls.plane[at + np.uint64(4)]
     nz = shapes.hulls.plane[at + np.uint64(8)]
@@ -316,7 +361,7 @@ def hull_distance(shapes, posed, k, qx, qy, qz, reach):
         if highest > best:
             best = highest
             which = 0 if a == highest else (1 if b == highest else (2 if c == highest else 3))
-            found = np.uint64(16 * four + which)
+            found = np.uint64(20 * four + which)
     if best > reach:
         return np.float32(np.inf), zero, zero, zero
     nx = shapes.hulls.plane[found]

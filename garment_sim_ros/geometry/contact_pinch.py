@@ -3,7 +3,7 @@
 import numpy as np
 
 from garment_sim_ros.geometry.contact_distance import shape_distance
-from garment_sim_ros.geometry.contact_sides import PASSING
+from garment_sim_ros.geometry.contact_sides import LET_GO, PASSING
 from garment_sim_ros.geometry.jit import lean_kernel
 
 _ROUNDS = 6
@@ -25,7 +25,7 @@ def stay_between(shapes, posed, side, p, x_start, px, py, pz, k, thickness, roun
     Args:
         shapes: Packed shapes.
         posed: The same, posed.
-        side: See `Sides`; passing shapes press nothing.
+        side: See `Sides`; passing shapes and those let go of press nothing.
         p: The particle.
         x_start: Positions at the start of the step [m], shape [n, 3].
         px: Where it was moved to [m].
@@ -53,7 +53,7 @@ def stay_between(shapes, posed, side, p, x_start, px, py, pz, k, thickness, roun
         # First the nearest shape, then the nearest of those that face it.
         for turn in range(2):
             for m in range(posed.box.shape[0]):
-                if side[m, p] == PASSING:
+                if side[m, p] == PASSING or side[m, p] == LET_GO:
                     continue
                 d, nx, ny, nz = shape_distance(shapes, posed, m, cx, cy, cz, reach)
                 if turn == 0:

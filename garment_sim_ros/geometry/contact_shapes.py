@@ -1,12 +1,14 @@
 """Collider shapes as flat arrays: packed once, posed once per step, met by all garments."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.buried_faces import buried_planes
 from garment_sim_ros.geometry.contact_capsule import capsule_size
 from garment_sim_ros.geometry.contact_ellipsoid import ellipsoid_bound, ellipsoid_size
 from garment_sim_ros.geometry.contact_hull import PackedHulls, hull_bound, pack_hulls
@@ -14,10 +16,15 @@ from garment_sim_ros.geometry.contact_sdf import PackedGrids, pack_grids
 from garment_sim_ros.geometry.distance_grid import DistanceGrid
 from garment_sim_ros.geometry.jit import lean_kernel
 from garment_sim_ros.geometry.shapes import KINDS, Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.geometry.transforms import transform_points
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 IntArray = NDArray[np.int32]
+
+
+_BURIED = 0.05
+"""Share of the longest shape that hulls go on for outside of a buried face: 2 cm on a human."""
 
 
 class PackedShapes(NamedTuple):
@@ -104,8 +111,13 @@ def _packed(collider: Collider) -> tuple[tuple[float, ...], tuple[float, ...]]:
         raise GeometryError(f"collider {collider.name!r}: {error}") from None
 
 
-def pack(colliders: ColliderSet) -> PackedShapes:
+def pack(colliders: ColliderSet, T_world_rest: FloatArray | None = None) -> PackedShapes:
     """The touchable shapes of a set as flat arrays, a skinned mesh not among them.
+
+    Args:
+        colliders: The set.
+        T_world_rest: Where its colliders are at rest, which tells what faces of hulls are buried,
+            shape [n, 4, 4], NaN where that is not known; None if it is not for any.
 
     Raises:
         GeometryError: A shape of unknown kind or with unusable numbers.
@@ -121,7 +133,13 @@ def pack(colliders: ColliderSet) -> PackedShapes:
     grids, is_grid = _named(colliders, touchable, "sdf")
     packed_hulls = packed_grids = None
     if hulls:
-        packed_hulls = pack_hulls({name: (g["vertices"], g["faces"]) for name, g in hulls.items()})
+        T = None if T_world_rest is None else T_world_rest[touchable][is_hull]
+        packed_hulls = pack_hulls(
+            {name: (g["vertices"], g["faces"]) for name, g in hulls.items()},
+            None
+            if T is None
+            else partial(_buried, list(hulls.values()), T, _BURIED * longest.max()),
+        )
         box[is_hull] = _middle_and_half(packed_hulls.box)
     if grids:
         packed_grids = pack_grids(grids)
@@ -140,6 +158,26 @@ def pack(colliders: ColliderSet) -> PackedShapes:
         hulls=packed_hulls,
         grids=packed_grids,
     )
+
+
+def _buried(
+    hulls: list[Mapping[str, object]], T: FloatArray, way: float, planes: list[FloatArray]
+) -> list[NDArray[np.bool_]]:
+    """`buried_planes` of hulls at T [h, 4, 4], with planes in their own frames."""
+    known = np.asarray(np.isfinite(T).all(axis=(1, 2)))
+    there, corners = [], []
+    for hull, own, T_hull, is_known in zip(hulls, planes, T, known):
+        placed = np.zeros((0, 4))
+        if is_known:
+            normal = own[:, :3] @ T_hull[:3, :3].T
+            placed = np.column_stack([normal, own[:, 3] + normal @ T_hull[:3, 3]])
+        there.append(placed)
+        x = np.asarray(hull["vertices"], np.float64)
+        corners.append(transform_points(T_hull, x) if is_known else x)
+    return [
+        found if is_known else np.zeros(len(own), bool)
+        for found, own, is_known in zip(buried_planes(there, corners, way), planes, known)
+    ]
 
 
 def _named(

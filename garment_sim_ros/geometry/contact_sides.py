@@ -9,7 +9,7 @@ from garment_sim_ros.geometry.locality import BLOCK
 
 IntArray = NDArray[np.int32]
 
-UNDER, PASSING, OPPOSED = 0, 1, 2
+UNDER, PASSING, OPPOSED, LET_GO = 0, 1, 2, 3
 """Sides on which a shape can be of a particle, see `Sides`."""
 
 
@@ -19,7 +19,8 @@ class Sides(NamedTuple):
     `UNDER` the cloth: it lies on them, always. `PASSING`: what the garment is not worn on, such as
     a hand along a skirt, only brushes it. `OPPOSED`: what the garment is worn on elsewhere, such
     as the arm at the side of a shirt; where it presses into what is under the cloth, the cloth
-    goes halfway between the two.
+    goes halfway between the two. `LET_GO`: passing, but not there for cloth that hangs on it
+    overstretched, see `sim.letting_go`.
 
     Attributes:
         side: Side of each shape for each particle, shape [m, n].

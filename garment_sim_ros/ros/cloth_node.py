@@ -153,6 +153,8 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
                 "garments_put_back": sum(h.resets for h in health),
                 "particles_recovered": sum(h.recovered for h in health),
                 "particles_held": sum(h.held for h in health),
+                "particles_let_go": sum(h.let_go for h in health),
+                "particles_tangled": sum(h.tangled for h in health),
                 "teleports": stepper.teleports,
                 "outran_cloth": stepper.simulation.outran,
                 "skipped_s": stepper.skipped / SECOND,

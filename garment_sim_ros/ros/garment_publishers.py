@@ -98,6 +98,8 @@ class GarmentQuality:
             "resets": health.resets + resets,
             "recovered": health.recovered,
             "held": health.held,
+            "let_go": health.let_go,
+            "tangled": health.tangled,
         }
         well = health.resets == 0 and health.recovered == 0
         return status(self._name, values.items(), well=well)

@@ -24,6 +24,8 @@ class Backstop(Constraint):
         places: Where its particles would be as skin, followed through each step.
     """
 
+    within = True
+
     def __init__(self, garment: GarmentLike, places: SkinPlaces) -> None:
         assert garment.backstop is not None
         self._places = places
@@ -44,20 +46,30 @@ class Backstop(Constraint):
         Returns:
             Number of particles held.
         """
+        return self._hold(state, 0.0)
+
+    def hold_within(self, state: State, left: float, dt: float) -> int:
+        """See `Constraint.hold_within`; normals are those of the end of the step."""
+        return self._hold(state, left)
+
+    def _hold(self, state: State, left: float) -> int:
         at = self._places
+        back = np.float32(left)
         normals = at.T, at.index, self._normal
-        return int(hold(state.x, state.v, at.place, at.velocity, *normals, self._distance))
+        return int(hold(state.x, state.v, at.place, at.velocity, back, *normals, self._distance))
 
 
 @kernel()
-def hold(x, v, place, velocity, T, index, normal, distance):
+def hold(x, v, place, velocity, left, T, index, normal, distance):
     """See `Backstop.hold`.
 
     Args:
         x: Positions, changed in place [m], shape [n, 3].
         v: Velocities, changed in place [m/s], shape [n, 3].
-        place: Where each particle would be as skin [m], shape [f, 3], f at most n.
+        place: Where each particle would be as skin at the end of the step [m], shape [f, 3], f at
+            most n.
         velocity: How fast that moves [m/s], shape [f, 3].
+        left: How long it is to the end of the step [s].
         T: Transforms of the frames that the garment rides on, shape [b, 3, 4].
         index: Those that each particle follows, shape [f, k].
         normal: Its normal as skin in each, see `kernels.skinned.blended`, shape [f, k, 4].
@@ -76,9 +88,9 @@ def hold(x, v, place, velocity, T, index, normal, distance):
         ny /= length
         nz /= length
         short = (
-            (place[p, 0] - x[p, 0]) * nx
-            + (place[p, 1] - x[p, 1]) * ny
-            + (place[p, 2] - x[p, 2]) * nz
+            (place[p, 0] - left * velocity[p, 0] - x[p, 0]) * nx
+            + (place[p, 1] - left * velocity[p, 1] - x[p, 1]) * ny
+            + (place[p, 2] - left * velocity[p, 2] - x[p, 2]) * nz
             - distance[p]
         )
         if short > np.float32(0.0):

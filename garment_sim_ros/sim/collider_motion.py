@@ -8,6 +8,8 @@ from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.sim.state import ColliderState
 
+FloatArray = NDArray[np.float64]
+
 SingleArray = NDArray[np.float32]
 
 _FARTHEST_ORIGIN = 1.0
@@ -21,6 +23,7 @@ class ColliderMotion:
 
     Args:
         colliders: The set.
+        T_world_rest: Its rest, see `contact_shapes.pack`.
 
     Attributes:
         state: The colliders during one step.
@@ -29,10 +32,14 @@ class ColliderMotion:
         GeometryError: A collider that nothing can touch.
     """
 
-    def __init__(self, colliders: ColliderSet) -> None:
+    def __init__(
+        self,
+        colliders: ColliderSet,
+        T_world_rest: FloatArray | None = None,
+    ) -> None:
         self._set = colliders
         self._shift = np.zeros(3, np.float32)
-        self.state = ColliderState.of(colliders)
+        self.state = ColliderState.of(colliders, T_world_rest)
 
     def check(self, poses: ColliderPoses) -> None:
         """Whether poses can be used.

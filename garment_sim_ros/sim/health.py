@@ -14,6 +14,8 @@ class Health:
         recovered: Particles that were, and were put back among their neighbours.
         held: Free particles that a limit held in the last step: tethers, or a distance from skin;
             and pairs of the garment's own parts that were kept apart.
+        let_go: Free particles so stretched that what passes their garment by passes through them.
+        tangled: Particles that stay through a garment worn under or over theirs.
         settling_steps: Steps that the last `reset` took to settle.
         contacts: Free particles in contact in the last step.
         rms_speed: RMS speed of free particles after the last step [m/s].
@@ -24,6 +26,8 @@ class Health:
     resets: int = 0
     recovered: int = 0
     held: int = 0
+    let_go: int = 0
+    tangled: int = 0
     settling_steps: int = 0
     contacts: int = 0
     rms_speed: float = 0.0

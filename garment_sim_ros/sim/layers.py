@@ -20,6 +20,7 @@ from garment_sim_ros.geometry.jit import compiled
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology
 from garment_sim_ros.sim.kernels.layers import (
+    PARTING_SPEED,
     find_close,
     find_triangles,
     part,
@@ -38,9 +39,6 @@ _SEARCH_EVERY = 60
 _SPREAD_EVERY = 4
 """Steps between searches among all triangles, which find where garments begin to touch, and
 between looks at what neighbours have, which is how touching spreads."""
-
-_PARTING_SPEED = 0.1
-"""How fast garments that are through each other come apart [m/s]."""
 _BEYOND = 0.06
 """Particles of the inner garment that lie farther beyond the outer one's border at rest [m] have
 nothing to do with it."""
@@ -64,12 +62,15 @@ class Meeting(NamedTuple):
         close: Particles that may touch until the next look, the first `found[0]`, shape [n].
         plane: Normal of the triangle near to each of those, to its side, and the weights of the
             last two corners at the closest point, shape [n, 5].
-        found: How many are close, and how many of them touched, shape [2].
+        found: How many are close, how many of them touched, and how many particles stay through
+            the other garment, as parting did not help, shape [3].
         side: 1 where the particles belong outside the other garment, -1 where inside.
         thickness: Distance to keep [m].
         friction: Coulomb coefficient.
         reach: Particles farther away lose their triangle [m].
         way: The farthest that they move apart at once [m], shape [1].
+        pushed: How far each particle was pushed without coming back to its side [m], infinite
+            where sides are not known, shape [n].
     """
 
     x: SingleArray
@@ -90,6 +91,7 @@ class Meeting(NamedTuple):
     friction: np.float32
     reach: np.float32
     way: SingleArray
+    pushed: SingleArray
 
 
 @dataclass(kw_only=True)
@@ -139,7 +141,14 @@ class LayerPair:
         """Look for all triangles anew: the garments were put elsewhere."""
         for meeting, _ in self._both_ways:
             meeting.near[:] = -1
+            meeting.pushed[:] = 0.0
         self._steps = 0
+
+    @property
+    def tangled(self) -> tuple[int, int]:
+        """How many particles of the outer and the inner one stay through the other."""
+        of_outer, of_inner = self._meetings
+        return int(of_outer.found[2]), int(of_inner.found[2])
 
     def look(self) -> None:
         """Finds which triangles particles are near to; once in a step."""
@@ -162,7 +171,7 @@ class LayerPair:
     def find_close(self, dt: float) -> None:
         """Finds what `part` shall look at until the next time, in sub-steps of dt [s]."""
         for meeting in self._meetings:
-            meeting.way[0] = _PARTING_SPEED * dt
+            meeting.way[0] = PARTING_SPEED * dt
         if self._code is None:
             self._code = (compiled(find_close, *self._meetings), compiled(part, *self._meetings))
         self._code[0](*self._meetings)
@@ -189,7 +198,7 @@ class LayerPair:
             of_outer = of_outer._replace(other_inverse_mass=self._still)
             of_inner = of_inner._replace(inverse_mass=self._still)
         for meeting in self._meetings:
-            meeting.way[0] = _PARTING_SPEED * dt
+            meeting.way[0] = PARTING_SPEED * dt
         separate(of_outer)
         separate(of_inner)
         return any(meeting.found[1] > 0 for meeting in self._meetings)
@@ -221,12 +230,13 @@ def _meeting(
         near=np.full(len(me), -1, np.int32),
         close=np.zeros(len(me), np.int32),
         plane=np.zeros((len(me), 5), np.float32),
-        found=np.zeros(2, np.int32),
+        found=np.zeros(3, np.int32),
         side=np.float32(side),
         thickness=np.float32(0.5 * (me.material.thickness + it.material.thickness)),
         friction=np.float32(mean_friction),
         reach=np.float32(_REACH * max(_edge_length(me), _edge_length(it))),
         way=np.zeros(1, np.float32),
+        pushed=np.zeros(len(me), np.float32),
     )
     search = _Search(
         edges=_edges(me),

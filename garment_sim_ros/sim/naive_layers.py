@@ -54,6 +54,7 @@ def separate(
     friction: float,
     reach: float,
     way: float,
+    pushed: FloatArray,
 ) -> bool:
     """Positions, velocities and inverse masses of both garments; changes the first two in place.
 
@@ -69,14 +70,18 @@ def separate(
         friction: Coulomb coefficient.
         reach: Farthest triangle that is met [m].
         way: Farthest that both move apart at once [m].
+        pushed: How far each particle was pushed without coming free [m], changed in place.
 
     Returns:
         Whether it touched.
     """
     (x, v, m), (y, u, n) = mine, other
     p = only
+    if np.linalg.norm(v[p]) > 0.5:
+        pushed[p] = 0.0  # it may have come free by itself
     t, w = nearest_triangle(x[p], y, triangles, reach)
     if t < 0:
+        pushed[p] = 0.0
         return False
     corner = triangles[t]
     on = [int(i) for i in corner[w > 0.0]]
@@ -86,10 +91,15 @@ def separate(
     outward = np.cross(b - a, c - a)
     d, e, f = x[own[p]]
     if outward @ np.cross(e - d, f - d) < 0.0:
+        pushed[p] = np.inf if pushed[p] > 0.0 else 0.0
         return False
     normal = side * outward / np.linalg.norm(outward)
     depth = thickness - (x[p] - w @ y[corner]) @ normal
     total = m[p] + (w**2 * n[corner]).sum()
+    left = 1.0 - pushed[p] / (2.0 * reach)
+    if left <= 0.0 or depth <= -thickness:
+        return False
+    pushed[p] = pushed[p] + way if depth > way else max(pushed[p] - 0.25 * way, 0.0)
     if depth <= 0.0 or total == 0.0:
         return False
     relative = v[p] - w @ u[corner]
@@ -98,7 +108,7 @@ def separate(
     length = np.linalg.norm(slip)
     held = 1.0 if length <= friction * closing else friction * closing / length
     impulse = (closing * normal - held * slip) / total
-    push = min(depth, way) / total * normal
+    push = min(depth, left * way) / total * normal
     x[p] += m[p] * push
     v[p] += m[p] * impulse
     for i, wi in zip(corner, w):

@@ -1,5 +1,6 @@
 """How garments follow the body: names of frames, pins, and placing on a pose."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -148,6 +149,26 @@ def find_frames(garment: str, names: tuple[str, ...], colliders: ColliderSet) ->
             c = colliders.colliders[index[k]]
             T[k] = invert_transform(transform_from(c.position, c.orientation))
     return Frames(collider=np.array(index, dtype=np.int32), T_collider_frame=T)
+
+
+def rest_transforms(garments: Iterable[GarmentLike], colliders: ColliderSet) -> FloatArray:
+    """Where colliders are in the rest pose that garments were made in.
+
+    Returns:
+        Their world transforms, shape [n, 4, 4]; NaN where no garment rides on their bones.
+    """
+    T = np.full((len(colliders), 4, 4), np.nan)
+    bones = {c.bone for c in colliders.colliders}
+    for garment in garments:
+        frame_of = {name: f for f, name in enumerate(garment.frames)}
+        for i, c in enumerate(colliders.colliders):
+            # As in `find_frames`, a name that both have is the bone's.
+            if c.bone in frame_of:
+                own = transform_from(c.position, c.orientation)
+                T[i] = garment.T_world_frame_rest[frame_of[c.bone]] @ own
+            elif c.name in frame_of and c.name not in bones:
+                T[i] = garment.T_world_frame_rest[frame_of[c.name]]
+    return T
 
 
 def places_in_frames(

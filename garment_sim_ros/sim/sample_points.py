@@ -72,11 +72,6 @@ class SamplePoints(NamedTuple):
         total[:, 0] = weight[:, 0]
         mobility = total * model.inverse_mass[corner]
         share = mobility / (weight * mobility).sum(axis=1, keepdims=True)
-        m = len(sides.side)
-        side = np.zeros((m, len(model)), np.int8)
-        side[:, : model.free_count] = sides.side
-        # A point is as far from under as the farthest of its corners.
-        rows = side[:, corner].max(axis=2).T
         shape = np.zeros((len(corner), 3), np.float32)
         return cls(
             corner=np.ascontiguousarray(corner, np.int32),
@@ -85,9 +80,22 @@ class SamplePoints(NamedTuple):
             x=shape,
             x_start=shape.copy(),
             x_coast=shape.copy(),
-            contacts=Contacts.room_for(len(corner), m),
-            sides=Sides.of(np.arange(len(corner), dtype=np.int32), rows),
+            contacts=Contacts.room_for(len(corner), len(sides.side)),
+            sides=Sides.of(np.arange(len(corner), dtype=np.int32), _rows(sides.side, corner)),
         )
+
+    def follow(self, side: NDArray[np.int8]) -> None:
+        """Takes over on which sides of the free particles the shapes are now, shape [m, free]."""
+        self.sides.side[:] = _rows(side, self.corner).T
+
+
+def _rows(side: NDArray[np.int8], corner: IntArray) -> NDArray[np.int8]:
+    """Side of each shape for each point, shape [s, m]."""
+    # A point is as far from under as the farthest of its corners; pins have everything under them.
+    padded = np.zeros((len(side), max(side.shape[1], corner.max(initial=0) + 1)), np.int8)
+    padded[:, : side.shape[1]] = side
+    rows: NDArray[np.int8] = padded[:, corner].max(axis=2).T
+    return rows
 
 
 @kernel(forceinline=True)

@@ -7,8 +7,8 @@ from garment_sim_ros.geometry.contact_shapes import PackedShapes
 from garment_sim_ros.geometry.contact_sides import OPPOSED, PASSING, UNDER
 from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.geometry.topology import vertex_normals
-from garment_sim_ros.geometry.transforms import transform_from, transform_points
-from garment_sim_ros.sim.placement import GarmentLike
+from garment_sim_ros.geometry.transforms import transform_points
+from garment_sim_ros.sim.placement import GarmentLike, rest_transforms
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -44,19 +44,17 @@ def shape_sides(
     weight = np.zeros((len(x), len(garment.frames)))
     np.add.at(weight, (np.arange(len(x))[:, None], garment.frame_index), garment.frame_weight)
 
+    T_world_rest = rest_transforms([garment], colliders)
     side = np.full((len(x), len(shapes.kind)), UNDER, dtype=np.int8)
     for k, index in enumerate(shapes.collider):
         c = colliders.colliders[index]
         if c.bone in garment.passed_by:
             side[:, k] = PASSING
             continue
-        f = frame_of.get(c.name, frame_of.get(c.bone, -1))
-        if f < 0:
+        if not np.isfinite(T_world_rest[index]).all():
             continue
-        T = np.asarray(garment.T_world_frame_rest, dtype=np.float64)[f]
-        if c.name not in frame_of:
-            T = T @ transform_from(c.position, c.orientation)
-        start, end = transform_points(T, shapes.bound[k, :6].reshape(2, 3))
+        f = frame_of[c.bone if c.bone in frame_of else c.name]
+        start, end = transform_points(T_world_rest[index], shapes.bound[k, :6].reshape(2, 3))
         along = end - start
         t = np.clip((x - start) @ along / max(along @ along, 1e-300), 0.0, 1.0)
         away = x - start - t[:, None] * along

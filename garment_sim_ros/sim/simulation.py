@@ -27,7 +27,7 @@ from garment_sim_ros.sim.kernels.motion import to_file_order
 from garment_sim_ros.sim.layers import LayerPair
 from garment_sim_ros.sim.leash import Leash
 from garment_sim_ros.sim.model import ClothModel, Parameters
-from garment_sim_ros.sim.placement import GarmentLike, blend
+from garment_sim_ros.sim.placement import GarmentLike, blend, rest_transforms
 from garment_sim_ros.sim.root_motion import TakenOut, take_along
 from garment_sim_ros.sim.settle import settle
 from garment_sim_ros.sim.solvers import SOLVERS
@@ -86,7 +86,7 @@ class Simulation:
         self.solver = solver
         self.solver_step = solver_step
         self._solver = SOLVERS[solver]
-        self._motion = ColliderMotion(colliders)
+        self._motion = ColliderMotion(colliders, rest_transforms(garments, colliders))
         self._colliders = self._motion.state
         if self._colliders.skin is not None and solver != "relaxation":
             raise ParameterError("solver", f"found {solver!r}", "allowed with a mesh: relaxation")
@@ -103,14 +103,12 @@ class Simulation:
             ]
             for outer in self._worn.values()
         }
-        # In layers, those that meet others step together if the solver can: they then rest.
-        meet = {
-            name
-            for outer, pairs in self._under.items()
-            for inner, _ in pairs
-            for name in (outer, inner.garment.name)
-            if self._solver.step_layers is not None
-        }
+        # Those that meet others, or a limit, step together if the solver can: they then rest.
+        meet: set[str] = set()
+        if self._solver.step_layers is not None:
+            for outer, pairs in self._under.items():
+                if pairs or any(c.within for c in self._worn[outer].constraints):
+                    meet.update((outer, *(inner.garment.name for inner, _ in pairs)))
         self._together = [worn for name, worn in self._worn.items() if name in meet]
         self._alone = [worn for name, worn in self._worn.items() if name not in meet]
         self.time = 0.0
@@ -303,6 +301,12 @@ class Simulation:
             self.time += dt / steps
         for worn in self._worn.values():
             worn.watch(self._colliders, dt / steps)
+            worn.health.tangled = 0
+        for outer, pairs in self._under.items():
+            for inner, pair in pairs:
+                of_outer, of_inner = pair.tangled
+                self._worn[outer].health.tangled += of_outer
+                inner.health.tangled += of_inner
 
     def _step(self, worn: Worn, *args: Any, held: bool = False) -> None:
         """The solver's step for one garment, and its layer's place over those under it."""
@@ -328,14 +332,15 @@ class Simulation:
             self._colliders,
             self.parameters,
             dt,
+            [worn.hold_within for worn in self._together],
         )
         for worn in self._together:
             worn.measure()
-            worn.hold(self._colliders, dt)
+            worn.hold(self._colliders, dt, within=True)
 
     def _begin(self, worn: Worn, dt: float) -> None:
         """What comes before a garment's step of dt [s], whichever solver it is."""
-        worn.begin(dt)
+        worn.begin(self._colliders, dt)
         if self._wind:
             self._wind[worn.garment.name].blow(worn.state, self.origin, self.time, dt)
 

@@ -68,6 +68,7 @@ class Workspace:
         contacts: Contacts of the free particles in the last step.
         contact_count: Number of free particles in contact in the last step.
         attached: Tethers and soft attachments.
+        limited: Whether limits act after each sub-step, see `constraint.Constraint.within`.
         earliest: Scratch of contact by the earliest hit; None until a step needs it.
         points: Points between the particles that meet shapes, too; None unless asked for.
         points_at: Where those are.
@@ -84,6 +85,7 @@ class Workspace:
     contact_count: int
     motion: FloatArray
     attached: Attached
+    limited: bool = False
     earliest: EarliestContact | None = None
     points: SamplePoints | None = None
     points_at: str = "particles"
@@ -138,13 +140,17 @@ class ColliderState:
     skin: SkinContact | None = None
 
     @classmethod
-    def of(cls, colliders: ColliderSet) -> "ColliderState":
-        """All that one set needs, to be posed.
+    def of(
+        cls,
+        colliders: ColliderSet,
+        T_world_rest: FloatArray | None = None,
+    ) -> "ColliderState":
+        """All that one set needs, to be posed; its rest as in `contact_shapes.pack`.
 
         Raises:
             GeometryError: A collider that cannot be simulated.
         """
-        shapes = pack(colliders)
+        shapes = pack(colliders, T_world_rest)
         has_skin = any(c.kind == "mesh" for c in colliders.colliders)
         return cls(
             shapes=shapes,

@@ -15,6 +15,7 @@ from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.kernels.layers import measure_motion
 from garment_sim_ros.sim.kernels.motion import carry_pins, shift
 from garment_sim_ros.sim.leash import Leash
+from garment_sim_ros.sim.letting_go import LettingGo
 from garment_sim_ros.sim.model import ClothModel, build_model
 from garment_sim_ros.sim.placement import (
     Frames,
@@ -48,7 +49,8 @@ class Worn:
         workspace: Scratch arrays of the solver.
         health: Counts and readings.
         places: Where it would be as skin, None unless a constraint asks.
-        constraints: What holds it after each step; only what the garment asks for.
+        letting_go: Looks after cloth that hangs on what passes it by; None if nothing does.
+        constraints: What holds it after each step or sub-step; only what the garment asks for.
         x_world: World positions of its vertices in file order [m], shape [v, 3].
         normal: Their unit normals, shape [v, 3].
     """
@@ -62,6 +64,7 @@ class Worn:
     workspace: Workspace
     health: Health
     places: SkinPlaces | None
+    letting_go: LettingGo | None
     constraints: tuple[Constraint, ...]
     x_world: SingleArray
     normal: SingleArray
@@ -99,6 +102,7 @@ class Worn:
         places = None
         if garment.max_distance is not None or garment.backstop is not None:
             places = SkinPlaces(garment, frames, model)
+            workspace.limited = True
         return cls(
             garment=garment,
             frames=frames,
@@ -109,29 +113,48 @@ class Worn:
             workspace=workspace,
             health=Health(),
             places=places,
+            letting_go=LettingGo(model, workspace.sides) if garment.passed_by else None,
             constraints=_constraints(garment, places, model, workspace),
             x_world=np.zeros((len(model), 3), np.float32),
             normal=np.zeros((len(model), 3), np.float32),
         )
 
-    def begin(self, dt: float) -> None:
+    def begin(self, colliders: ColliderState, dt: float) -> None:
         """Sees to it that a step of dt [s] begins with good particles only, and keeps them."""
         if not self.recovery.keep(self.state, self.good, dt):
             self._mend(dt)
             self.good.assign(self.state)
+        if self.places is not None:
+            self.places.follow(colliders, dt)
 
-    def hold(self, colliders: ColliderState, dt: float) -> None:
-        """Sees to it that a step of dt [s] ended well, and lets all constraints act."""
+    def hold_within(self, left: float, dt: float) -> None:
+        """Lets constraints act after a sub-step of dt [s], `left` seconds before the end."""
+        self.health.held = sum(
+            constraint.hold_within(self.state, left, dt)
+            for constraint in self.constraints
+            if constraint.within
+        )
+
+    def hold(self, colliders: ColliderState, dt: float, *, within: bool = False) -> None:
+        """Sees to it that a step of dt [s] ended well, and lets all constraints act.
+
+        Args:
+            colliders: The colliders in that step.
+            dt: The step [s].
+            within: Whether `hold_within` was called after its sub-steps.
+        """
         self.check(dt)
-        held = 0
+        held = self.health.held if within else 0
         attached = self.workspace.attached
         if attached.is_anything:
             held += int(attached.held[0])
-        if self.places is not None:
-            self.places.follow(colliders, dt)
         for constraint in self.constraints:
-            held += constraint.hold(self.state, colliders, dt)
+            if not (within and constraint.within):
+                held += constraint.hold(self.state, colliders, dt)
         self.health.held = held
+        if self.letting_go is not None:
+            thickness = max(self.model.material.thickness, colliders.thickness)
+            self.letting_go.look(self.state, colliders, thickness, self.workspace.points)
         if held:
             self.measure()
 
@@ -150,6 +173,8 @@ class Worn:
         self.measure()
 
     def _forget(self) -> None:
+        if self.letting_go is not None:
+            self.letting_go.forget()
         self.workspace.attached.forget()
         if self.places is not None:
             self.places.forget()
@@ -211,6 +236,7 @@ class Worn:
         health.contacts = self.workspace.contact_count
         health.rms_speed = math.sqrt(total / max(self.model.free_count, 1))
         health.max_speed = math.sqrt(fastest)
+        health.let_go = 0 if self.letting_go is None else self.letting_go.count
 
 
 def _constraints(
@@ -219,7 +245,7 @@ def _constraints(
     """Those that a garment asks for, in the order in which they act."""
     constraints: list[Constraint] = []
     if places is not None and garment.max_distance is not None:
-        constraints.append(Leash(garment, places))
+        constraints.append(Leash(garment, places, workspace))
     if places is not None and garment.backstop is not None:
         constraints.append(Backstop(garment, places))
     if garment.self_collision is not None:

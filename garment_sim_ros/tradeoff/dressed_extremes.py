@@ -109,7 +109,7 @@ def _teleport(mode: str) -> Scene:
     return _scene(motion, jump=(0.5, mode))
 
 
-def _turned(tall: float, **asked: object) -> Scene:
+def _turned(tall: float, **asked: float) -> Scene:
     """Turns by half a turn within a second, at any size."""
     scale = tall / 1.65
     busy = max(1.0, float(np.sqrt(scale)))
@@ -120,7 +120,9 @@ def _turned(tall: float, **asked: object) -> Scene:
         poses.position *= scale
         return poses
 
-    scene = _scene(motion, size=tall, busy=busy, calm=6.0 * max(1.0, busy), **asked)
+    # With long frames, too, the ten that are judged come after six seconds.
+    calm = 6.0 * max(1.0, busy) + 10.0 * float(asked.get("frame", 0.0))
+    scene = _scene(motion, size=tall, busy=busy, calm=calm, **asked)
     if scale == 1.0:
         return scene
     return replace(

@@ -41,7 +41,7 @@ def found(x, y, triangles):
     return near
 
 
-def meeting(mine, other, triangles, near, side=1.0, own=None, way=np.inf):
+def meeting(mine, other, triangles, near, side=1.0, own=None, way=1.0, pushed=None):
     """Positions, velocities and inverse masses of both, which meet in the arrays given.
 
     Without triangles of their own at particles these are folded over neither way.
@@ -59,12 +59,13 @@ def meeting(mine, other, triangles, near, side=1.0, own=None, way=np.inf):
         near=near,
         close=np.zeros(n, np.int32),
         plane=np.zeros((n, 5), np.float32),
-        found=np.zeros(2, np.int32),
+        found=np.zeros(3, np.int32),
         side=np.float32(side),
         thickness=np.float32(THICKNESS),
         friction=np.float32(0.4),
         reach=np.float32(REACH),
         way=np.full(1, way, np.float32),
+        pushed=np.zeros(n, np.float32) if pushed is None else pushed,
     )
 
 
@@ -92,7 +93,7 @@ def test_the_nearest_triangle_is_found(cloth, seed):
 @given(
     seed=st.integers(0, 10**6),
     side=st.sampled_from([1.0, -1.0]),
-    way=st.sampled_from([np.inf, 5e-4]),
+    way=st.sampled_from([1.0, 5e-4]),
 )
 def test_moves_as_the_twin_does(cloth, seed, side, way):
     (mine, other), triangles = sheets(cloth, seed)
@@ -101,7 +102,8 @@ def test_moves_as_the_twin_does(cloth, seed, side, way):
     n = len(mine[0])
     own = (np.arange(n)[:, None] + [0, 9, 1]).astype(np.int32) % n
     own[::2] = own[::2, ::-1]  # folded over, or not
-    touched = 0
+    before = np.random.default_rng(seed).choice([0.0, 0.5 * REACH, 3.0 * REACH], n)
+    touched = weaker = left = 0
     # One particle at a time, as each moves what the next one meets; and none that is nearest to
     # an edge, where either of two triangles may be taken.
     for p in range(0, n, 3):
@@ -112,7 +114,8 @@ def test_moves_as_the_twin_does(cloth, seed, side, way):
         both = [tuple(a.copy() for a in part) for part in (mine, other)]
         near = np.full(n, -1, np.int32)
         near[p] = found(mine[0][p : p + 1], other[0], triangles)[0]
-        meets = meeting(*both, triangles, near, side, own, way)
+        pushed = before.copy()
+        meets = meeting(*both, triangles, near, side, own, way, before.astype(np.float32))
         separate(meets)
         expected = naive_layers.separate(
             *(tuple(part) for part in twins),
@@ -125,13 +128,20 @@ def test_moves_as_the_twin_does(cloth, seed, side, way):
             friction=0.4,
             reach=REACH,
             way=way,
+            pushed=pushed,
         )
         assert meets.found[1] == expected
         touched += expected
+        weaker += expected and before[p] > 0.0
+        left += before[p] > 2.0 * REACH and not expected
+        if near[p] >= 0:
+            assert meets.pushed[p] == pytest.approx(pushed[p], abs=1e-6)
         for got, want in zip(both, twins):
             np.testing.assert_allclose(got[0], want[0], atol=2e-6)
             np.testing.assert_allclose(got[1], want[1], atol=1e-3)
     assert touched > 0
+    assert weaker > 0
+    assert left > 0
 
 
 @settings(max_examples=5, deadline=None)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from garment_sim_ros.geometry.shapes import ColliderPoses
-from garment_sim_ros.sim.backstop import hold
 from garment_sim_ros.sim.simulation import Simulation
 
 
@@ -40,34 +39,3 @@ def test_a_falling_sheet_stops_there_and_goes_the_other_way_freely(cloth):
     before = simulation.positions("cloth")[:, 2].copy()
     simulation.advance(at(4.8), at(4.5))
     assert simulation.positions("cloth")[:, 2] == pytest.approx(before, abs=0.05)
-
-
-def test_agrees_with_the_naive_twin():
-    random = np.random.default_rng(4)
-    n, frames = 60, 4
-    T = random.normal(size=(frames, 3, 4))
-    index = random.integers(0, frames, (n, 2)).astype(np.int32)
-    direction = random.normal(size=(n, 2, 3))
-    normal = np.einsum("nkij,nkj->ni", T[index][..., :3], direction)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    place, velocity = random.normal(size=(2, n, 3))
-    x = (place + 0.3 * random.normal(size=(n, 3))).astype(np.float32)
-    v = random.normal(size=(n, 3)).astype(np.float32)
-    distance = random.uniform(0.0, 0.3, n)
-
-    expected_x, expected_v, held = x.astype(float), v.astype(float), 0
-    for p in range(n):
-        short = (place[p] - expected_x[p]) @ normal[p] - distance[p]
-        if short > 0.0:
-            held += 1
-            expected_x[p] += short * normal[p]
-            expected_v[p] -= min((expected_v[p] - velocity[p]) @ normal[p], 0.0) * normal[p]
-    assert 5 < held < n - 5
-
-    place, velocity, T, direction, distance = (
-        a.astype(np.float32) for a in (place, velocity, T, direction, distance)
-    )
-    directions = np.concatenate([direction, np.zeros((n, 2, 1), np.float32)], axis=2)
-    assert hold(x, v, place, velocity, T, index, directions, distance) == held
-    np.testing.assert_allclose(x, expected_x, atol=4e-6)
-    np.testing.assert_allclose(v, expected_v, atol=1e-5)

@@ -11,7 +11,6 @@ from garment_sim_ros.geometry.shapes import ColliderPoses
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.params import Environment
 from garment_sim_ros.sim.kernels.skinned import pose_frames
-from garment_sim_ros.sim.leash import hold
 from garment_sim_ros.sim.placement import blend
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.skin_places import follow
@@ -95,30 +94,6 @@ def test_within_the_distance_nothing_acts(cloth):
             simulation.advance(start, end)
         found.append(simulation.positions("cloth").copy())
     assert (found[0] == found[1]).all()
-
-
-def test_agrees_with_the_naive_twin():
-    random = np.random.default_rng(8)
-    n = 40
-    place, velocity = random.normal(size=(2, n, 3))
-    x = (place + 0.3 * random.normal(size=(n, 3))).astype(np.float32)
-    v = random.normal(size=(n, 3)).astype(np.float32)
-    limit = random.uniform(0.2, 0.6, n)
-
-    expected_x, expected_v = x.astype(float), v.astype(float)
-    for p in range(n):
-        away = expected_x[p] - place[p]
-        distance = np.linalg.norm(away)
-        if distance > limit[p]:
-            u = away / distance
-            expected_x[p] = place[p] + limit[p] * u
-            expected_v[p] -= max((expected_v[p] - velocity[p]) @ u, 0.0) * u
-    held = int((np.linalg.norm(x - place, axis=1) > limit).sum())
-    assert 5 < held < 35
-
-    assert hold(x, v, *(a.astype(np.float32) for a in (place, velocity, limit))) == held
-    np.testing.assert_allclose(x, expected_x, atol=2e-6)
-    np.testing.assert_allclose(v, expected_v, atol=2e-6)
 
 
 def test_places_as_skin_agree_with_their_naive_twin():

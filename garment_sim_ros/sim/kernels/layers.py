@@ -9,6 +9,14 @@ _WALK = 8
 """Triangles that a particle may pass in one step."""
 _MARGIN = np.float32(2.0)
 """Heights over the other garment, in thicknesses, at which particles may soon touch it."""
+PARTING_SPEED = 0.1
+"""How fast garments that are through each other come apart [m/s]."""
+PATIENCE = np.float32(2.0)
+"""Ways of parting, in reaches, over which it gets weaker; what is then still through is left."""
+_RELIEF = np.float32(0.25)
+"""Patience that comes back where a particle is on its side, as a share of what it cost."""
+_FAST = np.float32(5.0 * PARTING_SPEED)
+"""Particles faster than this [m/s] may come free by themselves, and are parted anew."""
 
 
 @kernel(forceinline=True)
@@ -156,6 +164,7 @@ def _find_close(
     friction,
     reach,
     way,
+    pushed,
 ):
     """Which particles are close to the other garment, and in which planes they meet it.
 
@@ -164,17 +173,25 @@ def _find_close(
     outside faces the body: pushed to its side of the one, it would be on the wrong side of the
     other, and both would shake for ever.
 
-    The arguments are a `layers.Meeting`; `near`, `close`, `plane` and `found` are changed in
-    place.
+    What is parted there for a while already is left as it is: switched on and off, parting would
+    never let it rest.
+
+    The arguments are a `layers.Meeting`; `near`, `close`, `plane`, `found` and `pushed` are
+    changed in place.
     """
     margin = _MARGIN * thickness
     zero = np.float32(0.0)
     many = 0
+    tangled = 0
     for p in range(x.shape[0]):
         t = near[p]
         if t < 0:
             continue
         px, py, pz = x[p, 0], x[p, 1], x[p, 2]
+        speed = v[p, 0] * v[p, 0] + v[p, 1] * v[p, 1] + v[p, 2] * v[p, 2]
+        if speed > _FAST * _FAST:
+            pushed[p] = zero
+        tangled += 1 if pushed[p] >= PATIENCE * reach else 0
         distance, b, c, feature = _closest(other_x, triangles, t, px, py, pz)
         border = False
         for _ in range(_WALK):
@@ -200,6 +217,7 @@ def _find_close(
         near[p] = t
         if distance > reach * reach:
             near[p] = -1
+            pushed[p] = zero
             continue
         if border and feature != 0:
             continue
@@ -221,7 +239,10 @@ def _find_close(
         ax, ay, az = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]
         bx, by, bz = x[k, 0] - x[i, 0], x[k, 1] - x[i, 1], x[k, 2] - x[i, 2]
         if (ay * bz - az * by) * nx + (az * bx - ax * bz) * ny + (ax * by - ay * bx) * nz < zero:
-            continue  # One of the two is folded over there: nobody knows the sides.
+            # One of the two is folded over there: nobody knows the sides.
+            if pushed[p] > zero:
+                pushed[p] = np.float32(np.inf)
+            continue
         i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         turn = side / length
         nx *= turn
@@ -242,6 +263,7 @@ def _find_close(
         plane[many, 4] = c
         many += 1
     found[0] = many
+    found[2] = tangled
 
 
 @kernel(forceinline=True)
@@ -264,15 +286,18 @@ def _part(
     friction,
     reach,
     way,
+    pushed,
 ):
     """Moves particles to their side of another garment, and that garment away from them.
 
     Where one that is `close` is less than the thickness on its side, it and the triangle's corners
     move apart along the triangle's normal, by their inverse masses, `way` at most: what is deep
-    on the wrong side comes back without being thrown. What velocity brings them together is taken
-    away, and slip as far as Coulomb's law allows.
+    on the wrong side comes back without being thrown. What does not come back, as cloth that is
+    through an armhole, is pushed more and more weakly, and then left where it is. What velocity
+    brings them together is taken away, and slip as far as Coulomb's law allows.
 
-    The arguments are a `layers.Meeting`; positions, velocities and `found` are changed in place.
+    The arguments are a `layers.Meeting`; positions, velocities, `found` and `pushed` are changed
+    in place.
     """
     zero = np.float32(0.0)
     touched = 0
@@ -288,6 +313,13 @@ def _part(
             + (x[p, 1] - a * other_x[i, 1] - b * other_x[j, 1] - c * other_x[k, 1]) * ny
             + (x[p, 2] - a * other_x[i, 2] - b * other_x[j, 2] - c * other_x[k, 2]) * nz
         )
+        left = np.float32(1.0) - pushed[p] / (PATIENCE * reach)
+        if not left > zero:
+            continue
+        if depth > way[0]:
+            pushed[p] += way[0]
+        elif pushed[p] > zero:
+            pushed[p] = max(pushed[p] - _RELIEF * way[0], zero)
         if not depth > zero:
             continue
         wp = inverse_mass[p]
@@ -313,7 +345,7 @@ def _part(
         jx = (closing * nx - held * ux) / total
         jy = (closing * ny - held * uy) / total
         jz = (closing * nz - held * uz) / total
-        push = min(depth, way[0]) / total
+        push = min(depth, left * way[0]) / total
         x[p, 0] += wp * push * nx
         x[p, 1] += wp * push * ny
         x[p, 2] += wp * push * nz

@@ -34,15 +34,25 @@ def remember_planes(x, x_start, shape, carry, place, ride):
     for p in range(shape.size):
         c = shape[p]
         if c >= 0:
-            sx = x_start[p, 0]
-            sy = x_start[p, 1]
-            sz = x_start[p, 2]
             for k in range(3):
                 place[p, k] = x[p, k]
+    ride_on(x_start, shape, carry, ride)
+
+
+@kernel(forceinline=True)
+def ride_on(x, shape, carry, ride):
+    """How far the planes of particles at x move in a sub-step; arguments as in `remember_planes`.
+
+    Shapes change their motion from one step to the next.
+    """
+    for p in range(shape.size):
+        c = shape[p]
+        if c >= 0:
+            for k in range(3):
                 ride[p, k] = (
-                    carry[c, k, 0] * sx
-                    + carry[c, k, 1] * sy
-                    + carry[c, k, 2] * sz
+                    carry[c, k, 0] * x[p, 0]
+                    + carry[c, k, 1] * x[p, 1]
+                    + carry[c, k, 2] * x[p, 2]
                     + carry[c, k, 3]
                 )
 

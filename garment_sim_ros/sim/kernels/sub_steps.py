@@ -20,6 +20,7 @@ from garment_sim_ros.sim.kernels.motion import carry_pins, glide
 from garment_sim_ros.sim.kernels.planes import (
     remember_planes,
     return_to_planes,
+    ride_on,
     stop_at_contacts,
     touch_planes,
 )
@@ -75,6 +76,7 @@ def run_sub_steps(
     ride,
     thickness,
     friction,
+    grip,
     pull,
     push,
     keep,
@@ -123,6 +125,7 @@ def run_sub_steps(
         ride: Scratch: their motion in a sub-step [m], shape [free, 3].
         thickness: Distance to keep from surfaces [m].
         friction: Coulomb coefficient.
+        grip: The same in cloth that something else holds, 0 in loose cloth; see `kernels.planes`.
         pull: Velocity that outer forces add in a sub-step [m/s], shape [3].
         push: Scratch: the same with bending, for every coordinate [m/s], shape [3 free].
         keep: Part of velocity kept in a sub-step.
@@ -174,7 +177,10 @@ def run_sub_steps(
             interpolate_poses(
                 start[0], start[1], end[0], end[1], (s + 1) / count, to_position, to_orientation
             )
-            if (s + 1) % search_every == 0 or (s == 0 and not known):
+            if s + 1 == count:  # To the last digit, by which the next step knows them again.
+                to_position[:] = end[0]
+                to_orientation[:] = end[1]
+            if (s + 1) % search_every == 0 or s == 0:
                 pose_shapes(
                     shapes,
                     from_position,
@@ -185,6 +191,8 @@ def run_sub_steps(
                     scratch,
                     posed,
                 )
+        if s == 0 and known and not still:
+            ride_on(x_search, contacts.shape, posed.carry, ride)
         if s % bending_every == 0:
             # Bending acts evenly over the sub-steps until its next pass: in one kick it would make
             # the cloth quiver against its edges.
@@ -303,7 +311,7 @@ def run_sub_steps(
                 place,
                 ride,
                 way.inner_radius,
-                friction if free < x.shape[0] else np.float32(0.0),
+                grip,
                 dt,
             )
         pose_shapes(

@@ -65,11 +65,12 @@ def step_layers(
     colliders: ColliderState,
     params: Parameters,
     dt: float,
+    hold: Sequence[Callable[[float, float], None]] = (),
 ) -> None:
     """Advances garments over garments by one step, which meet each other in each sub-step.
 
-    What is parted after a whole step springs back in the first sub-step of the next one, with a
-    velocity of that way over a sub-step: layers would never rest.
+    What is parted or held after a whole step springs back in the first sub-step of the next one,
+    with a velocity of that way over a sub-step: layers would never rest.
 
     Args:
         garments: Model, motion (changed in place) and `XpbdWorkspace` of each.
@@ -77,6 +78,7 @@ def step_layers(
         colliders: Colliders at the start and end of the step.
         params: Outer forces and `XpbdSettings`.
         dt: Step [s].
+        hold: What else holds them, told the time to the end of the step and the sub-step [s].
     """
     count, search_every = max(_sub_steps(w, params, dt) for _, _, w in garments)
     given = []
@@ -93,6 +95,10 @@ def step_layers(
             if s % search_every == 0:
                 pair.find_close(dt / count)
             pair.part()
+        for constrain in hold:
+            constrain(dt * (count - 1 - s) / count, dt / count)
+    for _, state, workspace in garments:
+        workspace.x_end[:] = state.x  # What that moved last was no jump: contacts still hold.
 
 
 def _sub_steps(workspace: Workspace, params: Parameters, dt: float) -> tuple[int, int]:
@@ -158,6 +164,7 @@ def _given(
         posed = PosedShapes.room_for(colliders.shapes)
         workspace.last_search = (x, coast, c.position, c.orientation, posed)
 
+    held = model.free_count < len(model) or workspace.limited
     keep = 1.0 / (1.0 + h * rate)
     for k in range(3):
         pull = environment.gravity[k] + drag * environment.wind[k]
@@ -191,6 +198,7 @@ def _given(
         workspace.ride,
         np.float32(max(material.thickness, colliders.thickness)),
         np.float32(material.friction),
+        np.float32(material.friction if held else 0.0),
         workspace.push,
         workspace.push_all,
         np.float32(keep),
