@@ -19,12 +19,12 @@ class Constraint(ABC):
         """Corrects positions and velocities in place; tells how many particles it held."""
 
     def hold_within(self, state: State, left: float, dt: float) -> int:
-        """The same after a sub-step of dt [s], `left` seconds before the end of the step.
+        """The same after a sub-step of dt [s], `left` seconds before the end; 0 by default.
 
         What is held after whole steps only, edges take back in the first sub-step of the next one,
         with a velocity of its way over a sub-step: what is pulled against a limit never rests.
         """
-        raise NotImplementedError
+        return 0
 
     def shift(self, by: NDArray[np.float32]) -> None:  # noqa: B027
         """The local origin has moved: coordinates change by [m], shape [3]."""

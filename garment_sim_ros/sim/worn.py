@@ -130,9 +130,7 @@ class Worn:
     def hold_within(self, left: float, dt: float) -> None:
         """Lets constraints act after a sub-step of dt [s], `left` seconds before the end."""
         self.health.held = sum(
-            constraint.hold_within(self.state, left, dt)
-            for constraint in self.constraints
-            if constraint.within
+            constraint.hold_within(self.state, left, dt) for constraint in self.constraints
         )
 
     def hold(self, colliders: ColliderState, dt: float, *, within: bool = False) -> None:
