@@ -45,8 +45,8 @@ demo: $(STAMP) ## A dressed, walking avatar over real ROS 2; pictures and figure
 	$(PY) -m garment_sim_ros.cli.main demo --out out/demo $(ARGS)
 
 mannequin: $(STAMP) ## The default mannequin anew, after a change to how it is grown
-	$(PY) -c "import numpy; from garment_sim_ros.body.mannequin import MannequinOptions, grown; \
-	numpy.savez_compressed('garment_sim_ros/body/mannequin_default.npz', **grown(MannequinOptions()))"
+	$(PY) -c "import numpy; from garment_sim_ros.body.mannequin.mannequin import MannequinOptions, grown; \
+	numpy.savez_compressed('garment_sim_ros/body/mannequin/mannequin_default.npz', **grown(MannequinOptions()))"
 
 clean: ## Everything that was made here
 	rm -rf .venv out build install log *.egg-info .*_cache .hypothesis

@@ -29,13 +29,13 @@ from drape import Unit
 from tradeoff import FRAME, Walk
 
 from garment_sim_ros.colliders.fitting import fit_colliders
+from garment_sim_ros.contact.distance import shape_distance
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.generators import tshirt
 from garment_sim_ros.garment.outfit import load_outfit
-from garment_sim_ros.geometry.contact_distance import shape_distance
-from garment_sim_ros.geometry.jit import kernel
-from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.geometry.topology import mesh_topology
+from garment_sim_ros.jit import kernel
 from garment_sim_ros.params import ColliderOptions, RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.simulation import Simulation
 

@@ -24,8 +24,8 @@ from pathlib import Path
 
 import numpy as np
 
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.garment.garment import Garment
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import ImplicitSettings, Material, RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.simulation import Simulation

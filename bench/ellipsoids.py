@@ -20,25 +20,28 @@ import numpy as np
 import trimesh
 
 from garment_sim_ros.body.kinematics import rest_transforms
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.body.skinning import skin_vertices
-from garment_sim_ros.colliders.ellipsoid_binding import ellipsoid_colliders, fit_ellipsoids
-from garment_sim_ros.colliders.ellipsoids import ellipsoids_around
-from garment_sim_ros.colliders.motion_report import motion_report
+from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import (
+    ellipsoid_colliders,
+    fit_ellipsoids,
+)
+from garment_sim_ros.colliders.ellipsoids.ellipsoids import ellipsoids_around
 from garment_sim_ros.colliders.posing import ColliderPoser
-from garment_sim_ros.colliders.segmentation import segment
-from garment_sim_ros.geometry.earliest_hit import (
+from garment_sim_ros.colliders.report.motion_report import motion_report
+from garment_sim_ros.colliders.segmentation.segmentation import segment
+from garment_sim_ros.contact.papers.earliest.hit import (
     collide_earliest,
     meet,
     response_numbers,
     room_for,
 )
-from garment_sim_ros.geometry.ellipsoid_poses import PosedEllipsoids
+from garment_sim_ros.contact.papers.earliest.poses import PosedEllipsoids
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.geometry.locality import spatial_order
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
-from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import sample

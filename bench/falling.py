@@ -22,14 +22,14 @@ from typing import Any
 
 import numpy as np
 
-from garment_sim_ros.colliders.hull import convex_hull, inflate_vertices
-from garment_sim_ros.colliders.hull_simplify import Simplification, simplify_hull
+from garment_sim_ros.colliders.hulls.hull import convex_hull, inflate_vertices
+from garment_sim_ros.colliders.hulls.hull_simplify import Simplification, simplify_hull
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.garment.garment import Garment
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.solvers import relaxation
+from garment_sim_ros.sim.solvers.relaxation import step as relaxation
 
 sys.path.insert(0, str(Path(__file__).parent))
 from drape import Unit

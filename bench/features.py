@@ -23,9 +23,9 @@ import numpy as np
 from tradeoff import FRAME, Walk
 
 from garment_sim_ros.colliders.fitting import fit_colliders
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
-from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.params import ColliderOptions, Environment
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers import SOLVERS

@@ -23,23 +23,23 @@ from typing import Any
 
 import numpy as np
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skin import Body
-from garment_sim_ros.colliders.hulls import fit_hulls
+from garment_sim_ros.colliders.hulls.hulls import fit_hulls
 from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.contact.broad_phase import DIAGONAL
+from garment_sim_ros.contact.collide import Contacts, collide
+from garment_sim_ros.contact.packed import PosedShapes, pose
+from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
-from garment_sim_ros.geometry.contact import Contacts, collide
-from garment_sim_ros.geometry.contact_nearby import DIAGONAL
-from garment_sim_ros.geometry.contact_shapes import PosedShapes, pose
-from garment_sim_ros.geometry.contact_sides import Sides
-from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import sample
 from garment_sim_ros.params import HullSettings
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.solvers import relaxation
+from garment_sim_ros.sim.solvers.relaxation import step as relaxation
 
 sys.path.insert(0, str(Path(__file__).parent))
 from drape import Unit

@@ -21,24 +21,24 @@ import numpy as np
 from numba import njit
 from scipy.spatial import ConvexHull
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
-from garment_sim_ros.colliders.capsules import fit_capsules
-from garment_sim_ros.colliders.fatness import Union, fatness
-from garment_sim_ros.colliders.hull import Hull, clearance, convex_hull, inflate_vertices
-from garment_sim_ros.colliders.hull_placement import QUADRIC, VOLUME
-from garment_sim_ros.colliders.hull_simplify import Simplification, simplify_hull
-from garment_sim_ros.colliders.hulls import fit_hulls
-from garment_sim_ros.colliders.motion_report import motion_report
+from garment_sim_ros.colliders.capsules.capsules import fit_capsules
+from garment_sim_ros.colliders.hulls.hull import Hull, clearance, convex_hull, inflate_vertices
+from garment_sim_ros.colliders.hulls.hull_placement import QUADRIC, VOLUME
+from garment_sim_ros.colliders.hulls.hull_simplify import Simplification, simplify_hull
+from garment_sim_ros.colliders.hulls.hulls import fit_hulls
 from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.colliders.report.fatness import Union, fatness
+from garment_sim_ros.colliders.report.motion_report import motion_report
+from garment_sim_ros.contact.distance import shape_distance
+from garment_sim_ros.contact.kinds.hull import hull_planes
+from garment_sim_ros.contact.packed import PosedShapes, pack, pose
+from garment_sim_ros.contact.papers.hull_location import HullLocator
+from garment_sim_ros.contact.papers.outer_map import outer_map
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GarmentSimError
-from garment_sim_ros.geometry.contact_distance import shape_distance
-from garment_sim_ros.geometry.contact_hull import hull_planes
-from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
-from garment_sim_ros.geometry.hull_location import HullLocator
 from garment_sim_ros.geometry.obb import oriented_box
-from garment_sim_ros.geometry.outer_map import outer_map
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import invert_transform
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip

@@ -19,7 +19,7 @@ import drape
 import numpy as np
 import scaling
 
-from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.sim.simulation import Simulation
 
 

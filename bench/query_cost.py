@@ -11,15 +11,15 @@ import time
 
 import numpy as np
 
-from garment_sim_ros.body.loaders import load_body
-from garment_sim_ros.colliders.capsules import fit_capsules, fit_spheres
-from garment_sim_ros.colliders.ellipsoids import fit_ellipsoids
-from garment_sim_ros.colliders.hulls import fit_hulls
-from garment_sim_ros.colliders.surfaces import surface
-from garment_sim_ros.geometry.contact import shape_distance
-from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
-from garment_sim_ros.geometry.jit import kernel
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.colliders.capsules.capsules import fit_capsules, fit_spheres
+from garment_sim_ros.colliders.ellipsoids.ellipsoids import fit_ellipsoids
+from garment_sim_ros.colliders.hulls.hulls import fit_hulls
+from garment_sim_ros.colliders.report.surfaces import surface
+from garment_sim_ros.contact.collide import shape_distance
+from garment_sim_ros.contact.packed import PosedShapes, pack, pose
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.jit import kernel
 
 _POINTS = 4000
 _REACH = np.float32(0.005)

@@ -17,7 +17,7 @@ import drape
 import numpy as np
 from springs import grid
 
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.params import RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.simulation import Simulation
 

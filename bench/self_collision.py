@@ -14,8 +14,9 @@ import json
 import time
 
 import numpy as np
+from naive.naive_self_collision import crossings
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
@@ -23,8 +24,7 @@ from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import sample
-from garment_sim_ros.sim.naive_self_collision import crossings
-from garment_sim_ros.sim.self_collision import own_distance
+from garment_sim_ros.sim.self_collision.garment import own_distance
 from garment_sim_ros.sim.simulation import Simulation
 
 FRAME = 1 / 60

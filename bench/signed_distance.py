@@ -16,14 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.description import to_json
-from garment_sim_ros.colliders.fit_report import fit_report
 from garment_sim_ros.colliders.fitting import fit_colliders
-from garment_sim_ros.colliders.motion_report import motion_report
+from garment_sim_ros.colliders.report.fit_report import fit_report
+from garment_sim_ros.colliders.report.motion_report import motion_report
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.garment.outfit import load_outfit
-from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.params import ColliderOptions

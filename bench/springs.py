@@ -18,11 +18,11 @@ from pathlib import Path
 
 import numpy as np
 
-from garment_sim_ros.geometry.shapes import ColliderSet
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.params import Environment, Material, XpbdSettings
-from garment_sim_ros.sim.kernels.springs import correct_springs
 from garment_sim_ros.sim.model import ClothModel, Parameters, build_model
-from garment_sim_ros.sim.solvers import xpbd
+from garment_sim_ros.sim.solvers.relaxation.springs import correct_springs
+from garment_sim_ros.sim.solvers.xpbd import step as xpbd
 from garment_sim_ros.sim.state import ColliderState, State
 
 COMPILER = ("gcc", "-O3", "-march=x86-64-v3", "-ffast-math", "-shared", "-fPIC")

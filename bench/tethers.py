@@ -21,9 +21,9 @@ from tradeoff import EVERY, FRAME, Walk
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.params import ColliderOptions, RelaxationSettings, XpbdSettings
-from garment_sim_ros.sim.attaching import nearest_pins
+from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh
+from garment_sim_ros.sim.holds.attaching import nearest_pins
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.tradeoff.metrics import ClothMeter, GarmentMesh
 
 STRETCH = 0.02
 SETTINGS: dict[str, tuple[str, Any]] = {

@@ -22,15 +22,15 @@ import numpy as np
 from drape import FRAME
 from scaling import SETTINGS, scene
 
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.geometry import locality
-from garment_sim_ros.geometry.jit import use_threads
-from garment_sim_ros.geometry.shapes import ColliderPoses
-from garment_sim_ros.sim.kernels import in_parts
-from garment_sim_ros.sim.kernels.bending import bend
-from garment_sim_ros.sim.kernels.edges import solve_edges
-from garment_sim_ros.sim.kernels.springs import correct_springs
+from garment_sim_ros.jit import use_threads
 from garment_sim_ros.sim.model import ClothModel
-from garment_sim_ros.sim.solvers.xpbd import XpbdWorkspace
+from garment_sim_ros.sim.solvers import in_parts
+from garment_sim_ros.sim.solvers.relaxation.springs import correct_springs
+from garment_sim_ros.sim.solvers.xpbd.edges import solve_edges
+from garment_sim_ros.sim.solvers.xpbd.hinges import bend
+from garment_sim_ros.sim.solvers.xpbd.step import XpbdWorkspace
 
 FALL = 20
 Pair = tuple[Callable[[], object], Callable[[], object]]

@@ -20,18 +20,18 @@ from typing import Any
 import numpy as np
 from drape import Unit
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.garment.outfit import load_outfit
-from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import sample
 from garment_sim_ros.params import ColliderOptions, RelaxationSettings, XpbdSettings
+from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.tradeoff.metrics import ClothMeter, GarmentMesh
 
 FRAME = 1 / 60
 EVERY = 6

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.garment.materials import PRESETS
-from garment_sim_ros.geometry.shapes import ColliderPoses
 from garment_sim_ros.geometry.topology import boundary_loops
 from garment_sim_ros.params import Material, XpbdSettings
 from garment_sim_ros.sim.simulation import Simulation

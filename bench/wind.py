@@ -13,14 +13,14 @@ import time
 import numpy as np
 
 from garment_sim_ros.body.kinematics import rest_transforms
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT
 from garment_sim_ros.params import Environment
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.wind_field import WindOnCloth, wind_field
+from garment_sim_ros.sim.world.wind_field import WindOnCloth, wind_field
 
 STEADY = {"wind": (3.0, 1.0, 0.0), "wind_drag": 1.2, "wind_lift": 0.4}
 WINDS = {

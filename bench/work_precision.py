@@ -24,8 +24,8 @@ import numpy as np
 from drape import FRAME, MATERIAL, Unit, cloth
 from PIL import Image, ImageDraw, ImageFont
 
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.garment.materials import PRESETS
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.params import ImplicitSettings, RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.simulation import Simulation
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.garment.garment import Garment
-from garment_sim_ros.geometry.shapes import Collider, ColliderSet
 from garment_sim_ros.params import Material
 
 REPOSITORY = Path(__file__).resolve().parents[1]

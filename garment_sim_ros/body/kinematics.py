@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.body.rig import ROTATION, Dofs, Rig
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.jit import kernel
 
 FloatArray = NDArray[np.float64]
 

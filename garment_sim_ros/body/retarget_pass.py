@@ -5,8 +5,8 @@ Every target joint has one of four rules for its rotation; positions follow from
 
 import numpy as np
 
-from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.geometry.transforms import quaternion_multiply, rotate, slerp
+from garment_sim_ros.jit import kernel
 
 FOLLOW = 0
 """Turn with the parent."""

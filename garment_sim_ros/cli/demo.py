@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             raise InputFileError(f"--{option} {name}", "does not exist", "allowed: a file")
     with staged(args.out) as stage:
         first_cloth = _record(args, stage, began)
-        from garment_sim_ros.tradeoff.evaluation import evaluate
+        from garment_sim_ros.recording.evaluation import evaluate
 
         summary = evaluate(
             stage / "bag",

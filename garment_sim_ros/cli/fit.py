@@ -9,25 +9,25 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.cli.staging import staged
-from garment_sim_ros.colliders.capsules import fit_capsules, fit_spheres
+from garment_sim_ros.colliders.capsules.capsules import fit_capsules, fit_spheres
 from garment_sim_ros.colliders.description import save_colliders
-from garment_sim_ros.colliders.ellipsoid_binding import fit_ellipsoids
-from garment_sim_ros.colliders.ellipsoids import segment_body
+from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import fit_ellipsoids
+from garment_sim_ros.colliders.ellipsoids.ellipsoids import segment_body
+from garment_sim_ros.colliders.ellipsoids.thresholds import REGIONS
 from garment_sim_ros.colliders.exact_mesh import fit_mesh
-from garment_sim_ros.colliders.fit_report import fit_report
-from garment_sim_ros.colliders.hull_report import hull_report
-from garment_sim_ros.colliders.hulls import fit_hulls
+from garment_sim_ros.colliders.hulls.hull_report import hull_report
+from garment_sim_ros.colliders.hulls.hulls import fit_hulls
 from garment_sim_ros.colliders.mixed import fit_mixed
-from garment_sim_ros.colliders.motion_report import motion_report
 from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.colliders.report.fit_report import fit_report
+from garment_sim_ros.colliders.report.motion_report import motion_report
+from garment_sim_ros.colliders.report.surfaces import surface
 from garment_sim_ros.colliders.signed_distance import fit_signed_distances
-from garment_sim_ros.colliders.surfaces import surface
-from garment_sim_ros.colliders.thresholds import REGIONS
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.declaration import Declaration
-from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
@@ -38,7 +38,7 @@ from garment_sim_ros.params import (
     declarations,
     validated,
 )
-from garment_sim_ros.tradeoff.render import Camera, Surface, render
+from garment_sim_ros.recording.render import Camera, Surface, render
 
 EXAMPLE = "garment-sim fit avatar.glb --out colliders.json --preview colliders.png"
 

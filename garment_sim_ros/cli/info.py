@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, read_outfit

@@ -9,9 +9,9 @@ from garment_sim_ros.cli.progress import progress
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.sim.solvers import SOLVERS
-from garment_sim_ros.tradeoff.extreme_cells import cells
-from garment_sim_ros.tradeoff.stability import judge
-from garment_sim_ros.tradeoff.stability_map import Row, picture, table
+from garment_sim_ros.stability.cells import cells
+from garment_sim_ros.stability.judge import judge
+from garment_sim_ros.stability.map import Row, picture, table
 
 EXAMPLE = "garment-sim stability --out out/stability"
 

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from garment_sim_ros.contact.ellipsoid_refit import REFIT_KEYS, refit_entries
+from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
+from garment_sim_ros.contact.mesh.skinned import SkinnedMesh
+from garment_sim_ros.contact.shapes import KINDS, Collider, ColliderSet
 from garment_sim_ros.errors import GeometryError, InputFileError, MessageError
-from garment_sim_ros.geometry.distance_grid import DistanceGrid
-from garment_sim_ros.geometry.ellipsoid_refit import REFIT_KEYS, refit_entries
-from garment_sim_ros.geometry.shapes import KINDS, Collider, ColliderSet
-from garment_sim_ros.geometry.skinned_mesh import SkinnedMesh
 
 VERSION = 1
 MAX_TEXT = 64 * 2**20

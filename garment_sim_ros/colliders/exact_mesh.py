@@ -4,8 +4,8 @@ import numpy as np
 
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.shapes import Collider, ColliderSet
 
 
 def fit_mesh(body: Body, *, thickness: float = 0.002) -> ColliderSet:

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from garment_sim_ros.body.input_file import read_text
+from garment_sim_ros.body.loaders.input_file import read_text
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.description import MAX_TEXT, from_json, to_json
 from garment_sim_ros.colliders.fitting import fit_colliders
+from garment_sim_ros.contact.shapes import ColliderSet
+from garment_sim_ros.disk_cache import code_digest, keep_newest, replace_file, user_cache
 from garment_sim_ros.errors import InputFileError, MessageError
-from garment_sim_ros.geometry.disk_cache import code_digest, keep_newest, replace_file, user_cache
-from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.params import ColliderOptions
 
 _SUFFIX = ".colliders"
@@ -83,7 +83,7 @@ def fit_key(body: Body, options: ColliderOptions) -> str:
     content = (body.rig, body.skin, body.humanoid, options)
     for piece in _pieces(content):
         digest.update(piece)
-    digest.update(code_digest("body", "colliders", "geometry").encode())
+    digest.update(code_digest("body", "colliders", "contact", "geometry").encode())
     return digest.hexdigest()
 
 

@@ -1,7 +1,7 @@
 """Colliders for a body by the name of a method."""
 
 from garment_sim_ros.body.skin import Body
-from garment_sim_ros.geometry.shapes import ColliderSet
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.params import ColliderOptions
 
 
@@ -21,11 +21,11 @@ def fit_colliders(body: Body, options: ColliderOptions | None = None) -> Collide
     delta, thickness = options.delta, options.thickness
     # Each imports what only it needs: a fit that was kept needs none of it.
     if options.method == "hulls":
-        from garment_sim_ros.colliders.hulls import fit_hulls
+        from garment_sim_ros.colliders.hulls.hulls import fit_hulls
 
         return fit_hulls(body, options, thickness=thickness).colliders
     if options.method == "ellipsoids":
-        from garment_sim_ros.colliders.ellipsoid_binding import fit_ellipsoids
+        from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import fit_ellipsoids
 
         return fit_ellipsoids(body, options, delta=delta, thickness=thickness)[0]
     if options.method == "sdf":
@@ -43,7 +43,7 @@ def fit_colliders(body: Body, options: ColliderOptions | None = None) -> Collide
         from garment_sim_ros.colliders.exact_mesh import fit_mesh
 
         return fit_mesh(body, thickness=thickness)
-    from garment_sim_ros.colliders.capsules import fit_capsules, fit_spheres
+    from garment_sim_ros.colliders.capsules.capsules import fit_capsules, fit_spheres
 
     fit = fit_capsules if options.method == "capsules" else fit_spheres
     return fit(body, delta=delta, thickness=thickness)

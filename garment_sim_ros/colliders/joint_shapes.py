@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.body.skin import Body
-from garment_sim_ros.colliders.convex_parts import split
-from garment_sim_ros.colliders.hull import Hull, convex_hull
+from garment_sim_ros.colliders.hulls.convex_parts import split
+from garment_sim_ros.colliders.hulls.hull import Hull, convex_hull
 from garment_sim_ros.colliders.range_of_motion import joint_rotations
 from garment_sim_ros.colliders.regions import Regions, vertex_normals
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.jit import exact_kernel
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import invert_transform
+from garment_sim_ros.jit import exact_kernel
 
 FloatArray = NDArray[np.float64]
 

@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
-from garment_sim_ros.colliders.capsules import fit_capsules
-from garment_sim_ros.colliders.ellipsoid_binding import ellipsoid_colliders
-from garment_sim_ros.colliders.ellipsoids import PARTS, ellipsoids_around, segment_body
-from garment_sim_ros.colliders.fatness import Union
-from garment_sim_ros.colliders.hulls import fit_hulls
+from garment_sim_ros.colliders.capsules.capsules import fit_capsules
+from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import ellipsoid_colliders
+from garment_sim_ros.colliders.ellipsoids.ellipsoids import PARTS, ellipsoids_around, segment_body
+from garment_sim_ros.colliders.hulls.hulls import fit_hulls
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.regions import bone_weights, vertex_areas
+from garment_sim_ros.colliders.report.fatness import Union
+from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.shapes import Collider, ColliderSet
 from garment_sim_ros.params import EllipsoidSettings, HullSettings
 
 FloatArray = NDArray[np.float64]

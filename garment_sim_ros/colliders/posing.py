@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.body.skin import Body
-from garment_sim_ros.geometry.jit import kernel
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import (
     invert_transform,
     quaternion_from_matrix,
@@ -20,6 +19,7 @@ from garment_sim_ros.geometry.transforms import (
     slerp,
     unit_quaternion,
 )
+from garment_sim_ros.jit import kernel
 
 FloatArray = NDArray[np.float64]
 

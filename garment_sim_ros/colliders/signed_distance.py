@@ -14,8 +14,8 @@ from scipy.ndimage import label
 
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
-from garment_sim_ros.colliders.capsules import frame_colliders
-from garment_sim_ros.colliders.convex_parts import closed, split, weld
+from garment_sim_ros.colliders.capsules.capsules import frame_colliders
+from garment_sim_ros.colliders.hulls.convex_parts import closed, split, weld
 from garment_sim_ros.colliders.joint_shapes import (
     SHARE,
     Joint,
@@ -26,12 +26,12 @@ from garment_sim_ros.colliders.joint_shapes import (
     turned_skin,
 )
 from garment_sim_ros.colliders.regions import Regions, region_surface, skin_regions
+from garment_sim_ros.contact.kinds.distance_grid import CORNERS, DistanceGrid, cells_and_shares
+from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import GeometryError, ParameterError
 from garment_sim_ros.geometry.closest_sweep import grid_distances
-from garment_sim_ros.geometry.distance_grid import CORNERS, DistanceGrid, cells_and_shares
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.obb import Box, oriented_box
-from garment_sim_ros.geometry.shapes import Collider, ColliderSet
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
 from garment_sim_ros.params import SdfSettings, declarations, validated
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.body.major_bones import major_bones
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.attachments import Binding, bind, shoulder_pins, waist_pins
 from garment_sim_ros.garment.garment import Garment, without_bones
@@ -14,7 +15,6 @@ from garment_sim_ros.garment.letting_out import let_out
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
-from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.placement import SoftAttachments

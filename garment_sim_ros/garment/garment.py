@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.placement import SoftAttachments
 

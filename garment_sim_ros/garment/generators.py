@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.contact.shapes import ColliderSet
+from garment_sim_ros.disk_cache import array_digest, cached_arrays, code_digest
 from garment_sim_ros.garment.dressing import dressed
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.materials import PRESETS
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
 from garment_sim_ros.garment.skirt import skirt
-from garment_sim_ros.geometry.disk_cache import array_digest, cached_arrays, code_digest
-from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.params import parameter, validated
 
 # Arms that hang closer than this to the vertical are raised to make a shirt, which is then
@@ -90,7 +90,7 @@ def _tshirt(measures: Measures, o: TShirtOptions) -> tuple[GarmentMesh, Measures
     arrays = (measures.vertices, measures.T_world_joint, skin.triangles, skin.bone, skin.weight)
     key = (
         f"tshirt {o} {body.name} {sorted(body.humanoid.items())} {body.rig.joint_names} "
-        f"{array_digest(*arrays)} {code_digest('body', 'garment', 'geometry')}"
+        f"{array_digest(*arrays)} {code_digest('body', 'contact', 'garment', 'geometry')}"
     )
 
     def make() -> dict[str, NDArray[Any]]:

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.contact.collide import Contacts, collide
+from garment_sim_ros.contact.packed import PosedShapes, pack, pose
+from garment_sim_ros.contact.shapes import ColliderSet
+from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.garment.connectivity import adjacency
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
-from garment_sim_ros.geometry.contact import Contacts, collide
-from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
-from garment_sim_ros.geometry.contact_sides import Sides
-from garment_sim_ros.geometry.shapes import ColliderSet
 
 FloatArray = NDArray[np.float64]
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.errors import GeometryError, InputFileError
 from garment_sim_ros.garment.dressing import Holds, dressed
 from garment_sim_ros.garment.garment import Garment
@@ -11,9 +12,8 @@ from garment_sim_ros.garment.generators import GENERATORS
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import load_garment_mesh
 from garment_sim_ros.garment.outfit_file import GarmentEntry, read_outfit
-from garment_sim_ros.geometry.shapes import ColliderSet
 from garment_sim_ros.params import ColliderOptions
-from garment_sim_ros.sim.self_collision import own_distance
+from garment_sim_ros.sim.self_collision.garment import own_distance
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,8 +14,8 @@ from typing import Any
 
 import yaml
 
-from garment_sim_ros.body.input_file import read_text
-from garment_sim_ros.colliders.thresholds import tightest
+from garment_sim_ros.body.loaders.input_file import read_text
+from garment_sim_ros.colliders.ellipsoids.thresholds import tightest
 from garment_sim_ros.errors import InputFileError, ParameterError
 from garment_sim_ros.garment.dressing import AUTOMATIC, NONE, Attachment, Holds, VertexDistance
 from garment_sim_ros.garment.generators import GENERATORS

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.body.gltf_file import GltfFile
-from garment_sim_ros.body.input_file import read_bytes, read_text
+from garment_sim_ros.body.loaders.gltf_file import GltfFile
+from garment_sim_ros.body.loaders.input_file import read_bytes, read_text
 from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion, transform_points
 

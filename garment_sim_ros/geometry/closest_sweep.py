@@ -9,8 +9,8 @@ distance is exactly that to some triangle, near the mesh the closest one, far fr
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.geometry.jit import exact_kernel
 from garment_sim_ros.geometry.mesh_distance import closest_point
+from garment_sim_ros.jit import exact_kernel
 
 FloatArray = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ Springs of one colour can be corrected in any order, or at once, with the same r
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.geometry.jit import exact_kernel
+from garment_sim_ros.jit import exact_kernel
 
 IntArray = NDArray[np.int32]
 

@@ -14,7 +14,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.jit import exact_kernel
+from garment_sim_ros.jit import exact_kernel
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]

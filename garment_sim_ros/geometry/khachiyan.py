@@ -11,7 +11,7 @@ Points have three coordinates; in d < 3 dimensions the others are zero.
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.jit import kernel
 
 _MAX_STEPS = 20_000
 _EVERY = 12

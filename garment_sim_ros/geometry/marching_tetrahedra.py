@@ -7,7 +7,7 @@ tetrahedral cells", 1991.
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.geometry.jit import exact_kernel
+from garment_sim_ros.jit import exact_kernel
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.jit import exact_kernel, kernel
 from garment_sim_ros.geometry.winding_number import insides, refit_dipoles
+from garment_sim_ros.jit import exact_kernel, kernel
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]

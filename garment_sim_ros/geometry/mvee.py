@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.geometry.khachiyan import WEIGHT, find_weights, room_for_points
 from garment_sim_ros.geometry.principal_axes import principal_axes
+from garment_sim_ros.jit import kernel
 
 FloatArray = NDArray[np.float64]
 

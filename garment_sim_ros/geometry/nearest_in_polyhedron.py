@@ -7,7 +7,7 @@ plane: expected linear time for constraints in random order.
 
 import numpy as np
 
-from garment_sim_ros.geometry.jit import exact_kernel
+from garment_sim_ros.jit import exact_kernel
 
 
 @exact_kernel()

@@ -6,7 +6,7 @@ a kernel can use them without allocating.
 
 import numpy as np
 
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.jit import kernel
 
 _SWEEPS = 16
 _NEGLIGIBLE = 1e-32

@@ -9,7 +9,7 @@ that can be laid flat these are the shortest ways, except around holes; those ar
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.geometry.jit import exact_kernel
+from garment_sim_ros.jit import exact_kernel
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.jit import kernel
 
 IntArray = NDArray[np.int32]
 

@@ -7,7 +7,7 @@ compiled functions take and return tuples or small arrays; the batched ones belo
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.jit import kernel
 
 FloatArray = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ hierarchy is that of `mesh_distance`.
 
 import numpy as np
 
-from garment_sim_ros.geometry.jit import exact_kernel
+from garment_sim_ros.jit import exact_kernel
 
 INSIDE = 0.5
 """The winding number from which a point is inside."""

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.body.input_file import read_bytes
+from garment_sim_ros.body.loaders.input_file import read_bytes
 from garment_sim_ros.errors import InputFileError
 
 FloatArray = NDArray[np.float64]

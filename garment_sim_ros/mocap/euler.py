@@ -7,8 +7,8 @@ where (a, b, c) is left-handed.
 
 import numpy as np
 
-from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.geometry.transforms import quaternion_multiply
+from garment_sim_ros.jit import kernel
 
 _TWO_PI = 2.0 * np.pi
 

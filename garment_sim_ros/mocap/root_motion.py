@@ -5,7 +5,6 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.body.kinematics import ForwardKinematics
 from garment_sim_ros.body.rig import TRANSLATION
-from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.geometry.transforms import (
     invert_transform,
     quaternion_from_matrix,
@@ -13,6 +12,7 @@ from garment_sim_ros.geometry.transforms import (
     rotate,
     transform_from,
 )
+from garment_sim_ros.jit import kernel
 from garment_sim_ros.mocap.channels import ball_joints
 from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.euler import (

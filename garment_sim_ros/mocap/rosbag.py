@@ -12,7 +12,7 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from garment_sim_ros.body.urdf import parse_urdf
+from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.sampling import closes

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.body.rig import ROTATION
 from garment_sim_ros.errors import ParameterError
-from garment_sim_ros.geometry.jit import kernel
 from garment_sim_ros.geometry.transforms import quaternion_multiply, slerp
+from garment_sim_ros.jit import kernel
 from garment_sim_ros.mocap.channels import ball_joints, local_rotations
 from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.euler import euler_near

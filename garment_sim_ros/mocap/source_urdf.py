@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.body.anatomy import SourceReference
+from garment_sim_ros.body.loaders.urdf_xml import numbers, root_element
 from garment_sim_ros.body.rig import ROTATION
-from garment_sim_ros.body.urdf_xml import numbers, root_element
 from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.mocap.clip import Clip
 

@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from std_srvs.srv import SetBool, Trigger
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.errors import MessageError, ParameterError
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, read_outfit
 from garment_sim_ros.params import ClothNodeParameters, Environment, declarations

@@ -4,12 +4,12 @@ from collections import deque
 
 import numpy as np
 
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.errors import MessageError
-from garment_sim_ros.geometry.shapes import ColliderPoses
 from garment_sim_ros.ros.pose_buffer import PoseBuffer
 from garment_sim_ros.ros.stamp_order import StampOrder
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.teleport import has_jumped
+from garment_sim_ros.sim.world.teleport import has_jumped
 
 POSE_COUNT = "pose_count"
 _SECOND = 1_000_000_000

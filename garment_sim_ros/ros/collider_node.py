@@ -10,17 +10,17 @@ from std_msgs.msg import String
 
 from garment_sim_ros.body.humanoid import load_humanoid_overrides
 from garment_sim_ros.body.kinematics import ForwardKinematics
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.body.loaders.urdf import body_from_urdf, parse_urdf
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skin import Body
-from garment_sim_ros.body.urdf import body_from_urdf, parse_urdf
 from garment_sim_ros.colliders.description import load_colliders, to_json
 from garment_sim_ros.colliders.fit_cache import cached_fit
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GarmentSimError, MessageError
 from garment_sim_ros.garment.outfit_file import read_outfit
-from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix
 from garment_sim_ros.mocap.source_urdf import reference_from_urdf
 from garment_sim_ros.params import ColliderNodeParameters, ColliderOptions, declarations

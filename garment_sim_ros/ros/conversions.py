@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.errors import MessageError
-from garment_sim_ros.geometry.shapes import ColliderPoses
 
 FloatArray = NDArray[np.float64]
 

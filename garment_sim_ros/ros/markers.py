@@ -5,10 +5,10 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker
 
-from garment_sim_ros.colliders.surfaces import surface
+from garment_sim_ros.colliders.report.surfaces import surface
+from garment_sim_ros.contact.ellipsoid_refit import refit_entries
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.ellipsoid_refit import refit_entries
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix
 from garment_sim_ros.ros.serialize import PosedMarkers
 from garment_sim_ros.sim.state import ColliderState

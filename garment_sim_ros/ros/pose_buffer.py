@@ -2,7 +2,7 @@
 
 from collections import deque
 
-from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.geometry.transforms import interpolate_poses
 
 _KEPT = 4096

@@ -18,8 +18,8 @@ from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from garment_sim_ros.geometry.jit import kernel
-from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.contact.shapes import ColliderPoses
+from garment_sim_ros.jit import kernel
 from garment_sim_ros.ros.cdr import encode
 
 FloatArray = NDArray[np.float64]

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from garment_sim_ros.geometry.contact_sides import OPPOSED, PASSING, UNDER
-from garment_sim_ros.geometry.jit import usable_threads
+from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER
 from garment_sim_ros.geometry.locality import SPLIT_FROM
+from garment_sim_ros.jit import usable_threads
 from garment_sim_ros.sim.simulation import Simulation
 
 

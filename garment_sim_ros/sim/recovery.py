@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.sim.kernels.sanity import keep_good
 from garment_sim_ros.sim.model import ClothModel
+from garment_sim_ros.sim.sanity import keep_good
 from garment_sim_ros.sim.state import State
 
 _FARTHEST = 100.0

@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.geometry.contact import Contacts, collide_particles
-from garment_sim_ros.geometry.contact_sides import Sides
-from garment_sim_ros.geometry.contact_sweep import sweep
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.contact.collide import Contacts, collide_particles
+from garment_sim_ros.contact.sides import Sides
+from garment_sim_ros.contact.sweep import sweep
 from garment_sim_ros.geometry.locality import spatial_order
 from garment_sim_ros.geometry.topology import mesh_topology
+from garment_sim_ros.jit import kernel
 from garment_sim_ros.sim.model import ClothModel
 
 SingleArray = NDArray[np.float32]

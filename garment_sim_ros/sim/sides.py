@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.geometry.contact_shapes import PackedShapes
-from garment_sim_ros.geometry.contact_sides import OPPOSED, PASSING, UNDER
-from garment_sim_ros.geometry.shapes import ColliderSet
+from garment_sim_ros.contact.packed import PackedShapes
+from garment_sim_ros.contact.shapes import ColliderSet
+from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.geometry.transforms import transform_points
 from garment_sim_ros.sim.placement import GarmentLike, rest_transforms

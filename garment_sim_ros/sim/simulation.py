@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.contact.papers.earliest.contact import check_earliest
+from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.errors import GeometryError, MessageError, ParameterError
-from garment_sim_ros.geometry.contact_sides import Sides
-from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.params import (
     Environment,
@@ -18,21 +19,20 @@ from garment_sim_ros.params import (
     RelaxationSettings,
     XpbdSettings,
 )
-from garment_sim_ros.sim.attached import Attached
-from garment_sim_ros.sim.backstop import Backstop
-from garment_sim_ros.sim.collider_motion import ColliderMotion
-from garment_sim_ros.sim.earliest_contact import check_earliest
 from garment_sim_ros.sim.health import Health
-from garment_sim_ros.sim.kernels.motion import to_file_order
-from garment_sim_ros.sim.layers import LayerPair
-from garment_sim_ros.sim.leash import Leash
+from garment_sim_ros.sim.holds.backstop import Backstop
+from garment_sim_ros.sim.holds.leash import Leash
+from garment_sim_ros.sim.holds.tethers import Attached
+from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.model import ClothModel, Parameters
+from garment_sim_ros.sim.motion import to_file_order
 from garment_sim_ros.sim.placement import GarmentLike, blend, rest_transforms
-from garment_sim_ros.sim.root_motion import TakenOut, take_along
 from garment_sim_ros.sim.settle import settle
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.sim.state import State
-from garment_sim_ros.sim.wind_field import WindOnCloth, wind_field
+from garment_sim_ros.sim.world.collider_motion import ColliderMotion
+from garment_sim_ros.sim.world.root_motion import TakenOut, take_along
+from garment_sim_ros.sim.world.wind_field import WindOnCloth, wind_field
 from garment_sim_ros.sim.worn import Worn
 
 FloatArray = NDArray[np.float64]

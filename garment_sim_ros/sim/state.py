@@ -13,17 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.geometry.contact import Contacts
-from garment_sim_ros.geometry.contact_shapes import PackedShapes, PosedShapes, pack, pose
-from garment_sim_ros.geometry.contact_sides import Sides
-from garment_sim_ros.geometry.contact_sweep import Sweep
-from garment_sim_ros.geometry.ellipsoid_refit import EllipsoidRefit
-from garment_sim_ros.geometry.shapes import ColliderPoses, ColliderSet
-from garment_sim_ros.sim.attached import Attached
-from garment_sim_ros.sim.earliest_contact import EarliestContact
+from garment_sim_ros.contact.collide import Contacts
+from garment_sim_ros.contact.ellipsoid_refit import EllipsoidRefit
+from garment_sim_ros.contact.mesh.skin import SkinContact
+from garment_sim_ros.contact.packed import PackedShapes, PosedShapes, pack, pose
+from garment_sim_ros.contact.papers.earliest.contact import EarliestContact
+from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.contact.sides import Sides
+from garment_sim_ros.contact.sweep import Sweep
+from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.sample_points import SamplePoints
-from garment_sim_ros.sim.skin_contact import SkinContact
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
@@ -145,7 +145,7 @@ class ColliderState:
         colliders: ColliderSet,
         T_world_rest: FloatArray | None = None,
     ) -> "ColliderState":
-        """All that one set needs, to be posed; its rest as in `contact_shapes.pack`.
+        """All that one set needs, to be posed; its rest as in `contact.packed.pack`.
 
         Raises:
             GeometryError: A collider that cannot be simulated.

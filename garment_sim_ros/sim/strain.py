@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.geometry.jit import kernel
+from garment_sim_ros.jit import kernel
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.state import State
 

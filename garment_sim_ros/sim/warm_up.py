@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.locality import SPLIT_FROM
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.params import Environment, Material
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers import SOLVERS

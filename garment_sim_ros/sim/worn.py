@@ -6,17 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.geometry.contact_sides import Sides
-from garment_sim_ros.geometry.shapes import ColliderSet
-from garment_sim_ros.sim.attaching import attached_to
-from garment_sim_ros.sim.backstop import Backstop
-from garment_sim_ros.sim.constraint import Constraint
+from garment_sim_ros.contact.shapes import ColliderSet
+from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.sim.health import Health
-from garment_sim_ros.sim.kernels.layers import measure_motion
-from garment_sim_ros.sim.kernels.motion import carry_pins, shift
-from garment_sim_ros.sim.leash import Leash
-from garment_sim_ros.sim.letting_go import LettingGo
+from garment_sim_ros.sim.holds.attaching import attached_to
+from garment_sim_ros.sim.holds.backstop import Backstop
+from garment_sim_ros.sim.holds.constraint import Constraint
+from garment_sim_ros.sim.holds.leash import Leash
+from garment_sim_ros.sim.holds.letting_go import LettingGo
+from garment_sim_ros.sim.holds.skin_places import SkinPlaces
+from garment_sim_ros.sim.layers.kernels import measure_motion
 from garment_sim_ros.sim.model import ClothModel, build_model
+from garment_sim_ros.sim.motion import carry_pins, shift
 from garment_sim_ros.sim.placement import (
     Frames,
     GarmentLike,
@@ -25,9 +26,8 @@ from garment_sim_ros.sim.placement import (
     places_in_frames,
 )
 from garment_sim_ros.sim.recovery import Recovery
-from garment_sim_ros.sim.self_collision import SelfCollision
+from garment_sim_ros.sim.self_collision.garment import SelfCollision
 from garment_sim_ros.sim.sides import shape_sides
-from garment_sim_ros.sim.skin_places import SkinPlaces
 from garment_sim_ros.sim.solvers import Solver
 from garment_sim_ros.sim.state import ColliderState, State, Workspace
 

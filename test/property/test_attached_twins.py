@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from naive import naive_attached
+from naive import naive_self_collision as naive
 
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
-from garment_sim_ros.sim import naive_attached
-from garment_sim_ros.sim import naive_self_collision as naive
-from garment_sim_ros.sim.attached import Attached
-from garment_sim_ros.sim.kernels.attached import pull_attached, pull_tethers
-from garment_sim_ros.sim.kernels.expected_motion import drift, expect
-from garment_sim_ros.sim.kernels.layers import measure_motion
-from garment_sim_ros.sim.kernels.untangling import mark_tangled, untangle
+from garment_sim_ros.sim.holds.tether_kernels import pull_attached, pull_tethers
+from garment_sim_ros.sim.holds.tethers import Attached
+from garment_sim_ros.sim.layers.kernels import measure_motion
+from garment_sim_ros.sim.self_collision.expected_motion import drift, expect
+from garment_sim_ros.sim.self_collision.untangling import mark_tangled, untangle
 
 SEEDS = st.integers(0, 10**6)
 

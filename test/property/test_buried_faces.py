@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from numba import njit
 from scipy.spatial.transform import Rotation
 
-from garment_sim_ros.colliders.hull import convex_hull
-from garment_sim_ros.geometry.buried_faces import buried_planes
-from garment_sim_ros.geometry.contact import Contacts, collide
-from garment_sim_ros.geometry.contact_hull import hull_distance, hull_planes, pack_hulls
-from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
-from garment_sim_ros.geometry.contact_sides import OPPOSED, UNDER, Sides
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.colliders.hulls.hull import convex_hull
+from garment_sim_ros.contact.collide import Contacts, collide
+from garment_sim_ros.contact.kinds.buried_faces import buried_planes
+from garment_sim_ros.contact.kinds.hull import hull_distance, hull_planes, pack_hulls
+from garment_sim_ros.contact.packed import PosedShapes, pack, pose
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.contact.sides import OPPOSED, UNDER, Sides
 from garment_sim_ros.geometry.transforms import transform_from, transform_points
 from garment_sim_ros.sim.placement import rest_transforms
 from garment_sim_ros.sim.sides import shape_sides

@@ -6,23 +6,23 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from naive import naive
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.geometry.transforms import transform_from
 from garment_sim_ros.params import Material
-from garment_sim_ros.sim import naive
-from garment_sim_ros.sim.kernels.motion import (
+from garment_sim_ros.sim.model import build_model
+from garment_sim_ros.sim.motion import (
     carry_pins,
     predict,
     shift,
     to_file_order,
     update_velocities,
 )
-from garment_sim_ros.sim.kernels.springs import correct_springs
-from garment_sim_ros.sim.kernels.sub_steps import same_poses
-from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.placement import blend
+from garment_sim_ros.sim.solvers.relaxation.springs import correct_springs
+from garment_sim_ros.sim.solvers.xpbd.sub_steps import same_poses
 from garment_sim_ros.sim.state import State
 from garment_sim_ros.sim.strain import StrainMeter
 

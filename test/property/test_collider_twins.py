@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from scipy.optimize import approx_fprime, minimize_scalar
 from scipy.spatial import ConvexHull
 
-from garment_sim_ros.colliders.capsule_fit import _normal_equations
-from garment_sim_ros.colliders.convex_parts import _AROUND, _BETWEEN, _estimate
+from garment_sim_ros.colliders.capsules.capsule_fit import _normal_equations
+from garment_sim_ros.colliders.hulls.convex_parts import _AROUND, _BETWEEN, _estimate
 from garment_sim_ros.colliders.joint_shapes import _lower_to_hull
 
 CHECKED = settings(derandomize=True, deadline=None, max_examples=15)

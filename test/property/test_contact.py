@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from naive import naive
 
+from garment_sim_ros.contact.collide import Contacts, collide
+from garment_sim_ros.contact.packed import PosedShapes, pack, pose
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER, Sides
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.contact import Contacts, collide
-from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
-from garment_sim_ros.geometry.contact_sides import OPPOSED, PASSING, UNDER, Sides
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
-from garment_sim_ros.sim import naive
 
 THICKNESS = 0.003
 

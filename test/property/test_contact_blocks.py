@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from garment_sim_ros.colliders.hull import convex_hull
-from garment_sim_ros.geometry.contact import Contacts, collide
-from garment_sim_ros.geometry.contact_distance import shape_distance
-from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
-from garment_sim_ros.geometry.contact_sides import UNDER, Sides
-from garment_sim_ros.geometry.distance_grid import DistanceGrid
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.colliders.hulls.hull import convex_hull
+from garment_sim_ros.contact.collide import Contacts, collide
+from garment_sim_ros.contact.distance import shape_distance
+from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
+from garment_sim_ros.contact.packed import PosedShapes, pack, pose
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.contact.sides import UNDER, Sides
 
 THICKNESS = 0.003
 

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
+from garment_sim_ros.contact.kinds.ellipsoid import ellipsoid_distance, ellipsoid_size
+from garment_sim_ros.contact.packed import PosedShapes, pack
+from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.contact_ellipsoid import ellipsoid_distance, ellipsoid_size
-from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack
-from garment_sim_ros.geometry.shapes import Collider, ColliderSet
 
 
 @njit

@@ -8,19 +8,19 @@ from hypothesis import strategies as st
 from numba import njit
 from scipy.spatial.transform import Rotation
 
-from garment_sim_ros.colliders.hull import convex_hull
-from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.contact import Contacts, collide
-from garment_sim_ros.geometry.contact_hull import (
+from garment_sim_ros.colliders.hulls.hull import convex_hull
+from garment_sim_ros.contact.collide import Contacts, collide
+from garment_sim_ros.contact.kinds.face_grid import face_grid
+from garment_sim_ros.contact.kinds.hull import (
     hull_bound,
     hull_distance,
     hull_planes,
     pack_hulls,
 )
-from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
-from garment_sim_ros.geometry.contact_sides import Sides
-from garment_sim_ros.geometry.face_grid import face_grid
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.contact.packed import PosedShapes, pack, pose
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.contact.sides import Sides
+from garment_sim_ros.errors import GeometryError
 
 CHECKED = settings(derandomize=True, deadline=None, max_examples=25)
 

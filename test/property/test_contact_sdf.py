@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from numba import njit
 from scipy.spatial.transform import Rotation
 
+from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
+from garment_sim_ros.contact.kinds.sdf import sdf_distance, sdf_height
+from garment_sim_ros.contact.packed import PosedShapes, pack
+from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.contact_sdf import sdf_distance, sdf_height
-from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack
-from garment_sim_ros.geometry.distance_grid import DistanceGrid
-from garment_sim_ros.geometry.shapes import Collider, ColliderSet
 
 CHECKED = settings(derandomize=True, deadline=None, max_examples=20)
 CELL = 0.01

@@ -6,8 +6,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from garment_sim_ros.colliders.convex_parts import convex_parts, cut, split
-from garment_sim_ros.colliders.hull import convex_hull
+from garment_sim_ros.colliders.hulls.convex_parts import convex_parts, cut, split
+from garment_sim_ros.colliders.hulls.hull import convex_hull
 
 CHECKED = settings(derandomize=True, deadline=None, max_examples=30)
 

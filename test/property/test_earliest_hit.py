@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from garment_sim_ros.contact.kinds.ellipsoid import ellipsoid_bound, nearest_on_ellipsoid
+from garment_sim_ros.contact.papers.earliest.hit import collide_earliest
+from garment_sim_ros.contact.papers.earliest.poses import PosedEllipsoids
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.contact_ellipsoid import ellipsoid_bound, nearest_on_ellipsoid
-from garment_sim_ros.geometry.earliest_hit import collide_earliest
-from garment_sim_ros.geometry.ellipsoid_poses import PosedEllipsoids
 
 SETTINGS = settings(derandomize=True, deadline=None, max_examples=40)
 seeds = st.integers(0, 2**32 - 1)

@@ -6,14 +6,14 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from garment_sim_ros.colliders.hull import (
+from garment_sim_ros.colliders.hulls.hull import (
     clearance,
     convex_hull,
     inflate_planes,
     inflate_vertices,
 )
-from garment_sim_ros.colliders.hull_placement import QUADRIC, VOLUME
-from garment_sim_ros.colliders.hull_simplify import Simplification, simplify_hull
+from garment_sim_ros.colliders.hulls.hull_placement import QUADRIC, VOLUME
+from garment_sim_ros.colliders.hulls.hull_simplify import Simplification, simplify_hull
 from garment_sim_ros.errors import GeometryError, ParameterError
 
 CHECKED = settings(derandomize=True, deadline=None, max_examples=40)

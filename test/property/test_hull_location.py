@@ -6,11 +6,11 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from garment_sim_ros.colliders.hull import convex_hull, inflate_vertices
+from garment_sim_ros.colliders.hulls.hull import convex_hull, inflate_vertices
+from garment_sim_ros.contact.papers.hull_location import HullLocator
+from garment_sim_ros.contact.papers.outer_map import outer_map
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.hull_location import HullLocator
 from garment_sim_ros.geometry.obb import oriented_box
-from garment_sim_ros.geometry.outer_map import outer_map
 
 CHECKED = settings(derandomize=True, deadline=None, max_examples=15)
 

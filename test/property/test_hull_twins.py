@@ -8,15 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog, minimize
 
-from garment_sim_ros.colliders.hull import convex_hull, inflate_vertices
-from garment_sim_ros.colliders.hull_patch import (
+from garment_sim_ros.colliders.hulls.hull import convex_hull, inflate_vertices
+from garment_sim_ros.colliders.hulls.hull_patch import (
     MAX_PATCH,
     face_neighbours,
     gather_link,
     gather_patch,
     replace_patch,
 )
-from garment_sim_ros.colliders.hull_placement import (
+from garment_sim_ros.colliders.hulls.hull_placement import (
     MAX_CUTS,
     QUADRIC,
     VOLUME,
@@ -25,7 +25,7 @@ from garment_sim_ros.colliders.hull_placement import (
     place,
     quadric_error,
 )
-from garment_sim_ros.colliders.hull_simplify import _delete, _polish
+from garment_sim_ros.colliders.hulls.hull_simplify import _delete, _polish
 
 CHECKED = settings(derandomize=True, deadline=None, max_examples=10)
 SEEDS = st.integers(0, 10**6)

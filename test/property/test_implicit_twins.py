@@ -3,17 +3,17 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from naive import naive_implicit
 
-from garment_sim_ros.geometry.dissection import dissect
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import Material
-from garment_sim_ros.sim import naive_implicit
 from garment_sim_ros.sim.elasticity import hinges
-from garment_sim_ros.sim.kernels.cholesky import factorise, solve_factorised
-from garment_sim_ros.sim.kernels.implicit_forces import edge_forces, hinge_forces, on_the_cone
-from garment_sim_ros.sim.kernels.implicit_steps import keep_up
-from garment_sim_ros.sim.kernels.quasi_newton import descend, remember
-from garment_sim_ros.sim.solvers.implicit_workspace import Past, bending_bound
+from garment_sim_ros.sim.solvers.implicit.cholesky import factorise, solve_factorised
+from garment_sim_ros.sim.solvers.implicit.descent import keep_up
+from garment_sim_ros.sim.solvers.implicit.dissection import dissect
+from garment_sim_ros.sim.solvers.implicit.forces import edge_forces, hinge_forces, on_the_cone
+from garment_sim_ros.sim.solvers.implicit.lbfgs import descend, remember
+from garment_sim_ros.sim.solvers.implicit.workspace import Past, bending_bound
 
 SEEDS = st.integers(0, 10**6)
 

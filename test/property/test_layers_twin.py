@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from naive import naive_layers
 
 from garment_sim_ros.geometry.topology import mesh_topology
-from garment_sim_ros.sim import naive_layers
-from garment_sim_ros.sim.kernels.layers import find_triangles, separate, take_from_neighbours
-from garment_sim_ros.sim.layers import Meeting, neighbours
+from garment_sim_ros.sim.layers.kernels import find_triangles, separate, take_from_neighbours
+from garment_sim_ros.sim.layers.pair import Meeting, neighbours
 
 SPACING = 0.02
 REACH = 2.0 * SPACING

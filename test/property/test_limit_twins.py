@@ -5,12 +5,13 @@ import dataclasses
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from naive import naive_limits
 
-from garment_sim_ros.geometry.contact_sides import LET_GO, PASSING, UNDER, Sides
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
+from garment_sim_ros.contact.sides import LET_GO, PASSING, UNDER, Sides
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
-from garment_sim_ros.sim import backstop, leash, naive_limits
-from garment_sim_ros.sim.letting_go import LettingGo
+from garment_sim_ros.sim.holds import backstop, leash
+from garment_sim_ros.sim.holds.letting_go import LettingGo
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.sample_points import SamplePoints
 from garment_sim_ros.sim.state import ColliderState, State

@@ -2,7 +2,7 @@ import trimesh
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from garment_sim_ros.body.mannequin import mannequin
+from garment_sim_ros.body.mannequin.mannequin import mannequin
 
 
 @settings(

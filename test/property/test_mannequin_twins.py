@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from garment_sim_ros.body.mannequin_mesh import _collapse, _compacted, _edges, _flip, _smooth
+from garment_sim_ros.body.mannequin.mesh import _collapse, _compacted, _edges, _flip, _smooth
 from garment_sim_ros.geometry.marching_tetrahedra import marching_tetrahedra
 
 CHECKED = settings(derandomize=True, deadline=None, max_examples=4)

@@ -6,10 +6,10 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.body.kinematics import rest_transforms
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skinning import skin_vertices
+from garment_sim_ros.contact.mesh.collide import MeshCollider
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.mesh_contact import MeshCollider
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from garment_sim_ros.body.kinematics import ForwardKinematics
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retarget_pass import BLEND, DRIVEN, FOLLOW
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.mocap.channels import ball_joints

@@ -5,9 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from naive import naive
 
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.geometry import locality
-from garment_sim_ros.geometry.jit import use_threads
 from garment_sim_ros.geometry.locality import (
     BLOCK,
     PARTS,
@@ -16,17 +17,15 @@ from garment_sim_ros.geometry.locality import (
     part_starts,
     spatial_order,
 )
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
+from garment_sim_ros.jit import use_threads
 from garment_sim_ros.params import Material
-from garment_sim_ros.sim import naive
 from garment_sim_ros.sim.account import account
-from garment_sim_ros.sim.kernels import in_parts
-from garment_sim_ros.sim.kernels.bending import bend
-from garment_sim_ros.sim.kernels.edges import solve_edges, solve_edges_apart
-from garment_sim_ros.sim.kernels.springs import correct_springs
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.solvers import SOLVERS
+from garment_sim_ros.sim.solvers import SOLVERS, in_parts
+from garment_sim_ros.sim.solvers.relaxation.springs import correct_springs
+from garment_sim_ros.sim.solvers.xpbd.edges import solve_edges, solve_edges_apart
+from garment_sim_ros.sim.solvers.xpbd.hinges import bend
 
 PINS = np.arange(0, 30, 2)
 

@@ -4,15 +4,15 @@ import itertools
 
 import numpy as np
 import pytest
+from naive import naive_self_collision as naive
 
-from garment_sim_ros.geometry.contact import Contacts
+from garment_sim_ros.contact.collide import Contacts
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import Material
-from garment_sim_ros.sim import naive_self_collision as naive
-from garment_sim_ros.sim.kernels.near_pairs import find_pairs
-from garment_sim_ros.sim.kernels.self_contact import keep_apart
 from garment_sim_ros.sim.model import build_model
-from garment_sim_ros.sim.self_collision import SelfCollision
+from garment_sim_ros.sim.self_collision.garment import SelfCollision
+from garment_sim_ros.sim.self_collision.near_pairs import find_pairs
+from garment_sim_ros.sim.self_collision.self_contact import keep_apart
 
 SPACING = 0.02
 DISTANCE = 0.002

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from naive.naive_implicit_steps import SubSteps, Tie
+from naive.naive_steps import Elastic, Piece, relaxation_step, xpbd_step
 
-from garment_sim_ros.geometry.shapes import Collider
+from garment_sim_ros.contact.shapes import Collider
 from garment_sim_ros.params import (
     Environment,
     ImplicitSettings,
@@ -11,13 +13,13 @@ from garment_sim_ros.params import (
     RelaxationSettings,
     XpbdSettings,
 )
-from garment_sim_ros.sim.attached import Attached
+from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.model import Parameters, build_model
-from garment_sim_ros.sim.naive_implicit_steps import SubSteps, Tie
-from garment_sim_ros.sim.naive_steps import Elastic, Piece, relaxation_step, xpbd_step
-from garment_sim_ros.sim.solvers import implicit, relaxation, xpbd
-from garment_sim_ros.sim.solvers.implicit_workspace import ImplicitWorkspace, bending_bound
-from garment_sim_ros.sim.solvers.xpbd import XpbdWorkspace
+from garment_sim_ros.sim.solvers.implicit import step as implicit
+from garment_sim_ros.sim.solvers.implicit.workspace import ImplicitWorkspace, bending_bound
+from garment_sim_ros.sim.solvers.relaxation import step as relaxation
+from garment_sim_ros.sim.solvers.xpbd import step as xpbd
+from garment_sim_ros.sim.solvers.xpbd.step import XpbdWorkspace
 from garment_sim_ros.sim.state import ColliderState, State, Workspace
 
 RADIUS, FRICTION, DAMPING = 0.1, 0.3, 2.0

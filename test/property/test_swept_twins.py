@@ -6,24 +6,24 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from naive import naive_contact
 
-from garment_sim_ros.geometry.contact import Contacts, collide
-from garment_sim_ros.geometry.contact_pinch import stay_between
-from garment_sim_ros.geometry.contact_shapes import PosedShapes, pack, pose
-from garment_sim_ros.geometry.contact_sides import OPPOSED, PASSING, UNDER, Sides
-from garment_sim_ros.geometry.contact_sweep import Sweep, sweep
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.contact.collide import Contacts, collide
+from garment_sim_ros.contact.packed import PosedShapes, pack, pose
+from garment_sim_ros.contact.pinch import stay_between
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER, Sides
+from garment_sim_ros.contact.sweep import Sweep, sweep
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.params import Material
-from garment_sim_ros.sim import naive_contact
-from garment_sim_ros.sim.kernels.planes import (
+from garment_sim_ros.sim.model import build_model
+from garment_sim_ros.sim.sample_points import SamplePoints, meet_between
+from garment_sim_ros.sim.solvers.xpbd.planes import (
     remember_planes,
     return_to_planes,
     stop_at_contacts,
     touch_planes,
 )
-from garment_sim_ros.sim.model import build_model
-from garment_sim_ros.sim.sample_points import SamplePoints, meet_between
 
 SEEDS = st.integers(0, 10**6)
 THICKNESS = 0.003

@@ -3,14 +3,14 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from naive import naive_xpbd
 
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import Material
-from garment_sim_ros.sim import naive_xpbd
 from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
-from garment_sim_ros.sim.kernels.bending import bend, prepare_hinges
-from garment_sim_ros.sim.kernels.edges import prepare_edges, solve_edges, solve_edges_apart
-from garment_sim_ros.sim.kernels.sub_step_motion import arrive, coast
+from garment_sim_ros.sim.solvers.xpbd.edges import prepare_edges, solve_edges, solve_edges_apart
+from garment_sim_ros.sim.solvers.xpbd.hinges import bend, prepare_hinges
+from garment_sim_ros.sim.solvers.xpbd.motion import arrive, coast
 
 SEEDS = st.integers(0, 10**6)
 

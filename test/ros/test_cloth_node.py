@@ -21,11 +21,11 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
 
 from garment_sim_ros.body.kinematics import rest_transforms
-from garment_sim_ros.body.loaders import load_body
-from garment_sim_ros.colliders.capsules import fit_capsules
+from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.colliders.capsules.capsules import fit_capsules
 from garment_sim_ros.colliders.description import to_json
 from garment_sim_ros.colliders.posing import ColliderPoser
-from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.ros.interfaces import (
     COLLIDER_DESCRIPTION,
     COLLIDER_POSES,

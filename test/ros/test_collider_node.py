@@ -14,9 +14,9 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.body.retargeting import Retargeter
-from garment_sim_ros.body.urdf import parse_urdf
 from garment_sim_ros.colliders.description import from_json
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.mocap.clips import load_clip

@@ -14,7 +14,7 @@ from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_srvs.srv import SetBool, Trigger
 
-from garment_sim_ros.body.urdf import parse_urdf
+from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.ros.interfaces import CLOCK, JOINT_STATES, ROBOT_DESCRIPTION
 

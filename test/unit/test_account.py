@@ -4,7 +4,7 @@ import dataclasses
 import json
 
 from garment_sim_ros.cli import main as cli
-from garment_sim_ros.geometry.shapes import Collider
+from garment_sim_ros.contact.shapes import Collider
 from garment_sim_ros.params import Environment
 from garment_sim_ros.sim.account import account, in_words
 from garment_sim_ros.sim.simulation import Simulation

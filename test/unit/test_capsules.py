@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from garment_sim_ros.colliders.capsule_fit import capsule_distance, refine, slabs, union_distance
+from garment_sim_ros.colliders.capsules.capsule_fit import (
+    capsule_distance,
+    refine,
+    slabs,
+    union_distance,
+)
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion, transform_points
 
 
@@ -51,9 +56,9 @@ def test_a_tapered_capsule_is_found_again():
 @pytest.mark.parametrize("method", ["capsules", "spheres"])
 def test_real_bodies_are_contained_and_posed_in_their_bones(data_file, name, method):
     pytest.importorskip("garment_sim_ros.body.major_bones")
-    from garment_sim_ros.body.loaders import load_body
+    from garment_sim_ros.body.loaders.load import load_body
     from garment_sim_ros.body.major_bones import major_bones
-    from garment_sim_ros.colliders.capsules import fit_capsules, fit_spheres
+    from garment_sim_ros.colliders.capsules.capsules import fit_capsules, fit_spheres
     from garment_sim_ros.colliders.description import from_json, to_json
     from garment_sim_ros.colliders.regions import vertex_areas
     from garment_sim_ros.geometry.transforms import invert_transform

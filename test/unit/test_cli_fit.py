@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.cli import main as cli
 from garment_sim_ros.colliders.description import load_colliders
-from garment_sim_ros.colliders.fit_report import fit_report, skin_distance
-from garment_sim_ros.colliders.surfaces import surface
-from garment_sim_ros.geometry.shapes import Collider, ColliderSet
+from garment_sim_ros.colliders.report.fit_report import fit_report, skin_distance
+from garment_sim_ros.colliders.report.surfaces import surface
+from garment_sim_ros.contact.shapes import Collider, ColliderSet
 
 
 def test_fit_writes_colliders_report_and_picture(tmp_path, capsys):

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from garment_sim_ros.body.loaders import load_body
-from garment_sim_ros.colliders.hulls import fit_hulls
-from garment_sim_ros.colliders.motion_report import motion_report
+from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.colliders.hulls.hulls import fit_hulls
+from garment_sim_ros.colliders.report.motion_report import motion_report
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
 

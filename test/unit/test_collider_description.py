@@ -13,8 +13,8 @@ from garment_sim_ros.colliders.description import (
     save_colliders,
     to_json,
 )
+from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import InputFileError, MessageError
-from garment_sim_ros.geometry.shapes import Collider, ColliderSet
 
 
 def example_set():

@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 from garment_sim_ros.body.rig import Dofs, Rig
 from garment_sim_ros.body.skin import Body, Skin
 from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import transform_from
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from garment_sim_ros.geometry import disk_cache
+from garment_sim_ros import disk_cache
 
 
 @pytest.fixture

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from garment_sim_ros.geometry.dissection import dissect
 from garment_sim_ros.geometry.topology import mesh_topology
+from garment_sim_ros.sim.solvers.implicit.dissection import dissect
 
 
 @pytest.mark.parametrize("side", [2, 9, 40])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from garment_sim_ros.colliders.fatness import Union, fatness
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.colliders.report.fatness import Union, fatness
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 
 
 def two_balls(radius, apart):

@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.colliders.description import to_json
 from garment_sim_ros.colliders.fit_cache import cached_fit, fit_key
 from garment_sim_ros.colliders.fitting import fit_colliders
+from garment_sim_ros.disk_cache import user_cache
 from garment_sim_ros.errors import ParameterError
-from garment_sim_ros.geometry.disk_cache import user_cache
 from garment_sim_ros.params import ColliderOptions
 
 OPTIONS = ColliderOptions(method="spheres", delta=0.004)

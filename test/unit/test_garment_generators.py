@@ -8,10 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.body.kinematics import rest_transforms, world_from_local
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.rig import Rig
 from garment_sim_ros.body.skinning import skin_vertices
-from garment_sim_ros.colliders.capsules import fit_capsules
+from garment_sim_ros.colliders.capsules.capsules import fit_capsules
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.errors import GeometryError, ParameterError
 from garment_sim_ros.garment.generators import long_skirt, short_skirt, tshirt

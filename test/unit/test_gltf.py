@@ -9,8 +9,8 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from garment_sim_ros.body.gltf import load_gltf
 from garment_sim_ros.body.kinematics import rest_transforms
+from garment_sim_ros.body.loaders.gltf import load_gltf
 from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP

@@ -7,14 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.body.kinematics import rest_transforms
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.rig import Dofs, Rig
 from garment_sim_ros.body.skin import Body, Skin
 from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.colliders.description import from_json, to_json
-from garment_sim_ros.colliders.hull import Hull
-from garment_sim_ros.colliders.hull_report import hull_report
-from garment_sim_ros.colliders.hulls import fit_hulls
+from garment_sim_ros.colliders.hulls.hull import Hull
+from garment_sim_ros.colliders.hulls.hull_report import hull_report
+from garment_sim_ros.colliders.hulls.hulls import fit_hulls
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.regions import region_surface, skin_regions, vertex_areas
 from garment_sim_ros.errors import GeometryError, ParameterError

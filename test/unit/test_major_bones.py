@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.major_bones import joint_areas, major_bones
 from garment_sim_ros.body.rig import Dofs, Rig
 from garment_sim_ros.body.skin import Body, Skin

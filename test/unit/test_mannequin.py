@@ -4,12 +4,12 @@ import trimesh
 from scipy.spatial import ConvexHull, cKDTree
 from scipy.spatial.transform import Rotation
 
-from garment_sim_ros.body import mannequin as module
 from garment_sim_ros.body.kinematics import world_from_local
-from garment_sim_ros.body.mannequin import MannequinOptions, grown, mannequin
-from garment_sim_ros.body.mannequin_figure import figure
-from garment_sim_ros.body.mannequin_proportions import deviation, girths
-from garment_sim_ros.body.mannequin_tables import LANDMARKS
+from garment_sim_ros.body.mannequin import mannequin as module
+from garment_sim_ros.body.mannequin.figure import figure
+from garment_sim_ros.body.mannequin.mannequin import MannequinOptions, grown, mannequin
+from garment_sim_ros.body.mannequin.proportions import deviation, girths
+from garment_sim_ros.body.mannequin.tables import LANDMARKS
 from garment_sim_ros.body.skin import HUMANOID_BONES
 from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.errors import ParameterError

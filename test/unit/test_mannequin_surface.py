@@ -3,9 +3,9 @@ import pytest
 import trimesh
 from scipy.special import ellipe
 
-from garment_sim_ros.body.mannequin_girth import girth
-from garment_sim_ros.body.mannequin_mesh import symmetric_mesh
-from garment_sim_ros.body.mannequin_surface import Loft, surface
+from garment_sim_ros.body.mannequin.girth import girth
+from garment_sim_ros.body.mannequin.mesh import symmetric_mesh
+from garment_sim_ros.body.mannequin.surface import Loft, surface
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.marching_tetrahedra import marching_tetrahedra
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from garment_sim_ros.tradeoff.metrics import ClothMeter, GarmentMesh, late_frames, rate
+from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh, late_frames, rate
 
 
 @pytest.fixture

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.cli import main as cli
 from garment_sim_ros.colliders import mixed
 from garment_sim_ros.colliders.description import load_colliders
-from garment_sim_ros.colliders.ellipsoids import PARTS
-from garment_sim_ros.colliders.fit_report import skin_distance
+from garment_sim_ros.colliders.ellipsoids.ellipsoids import PARTS
+from garment_sim_ros.colliders.report.fit_report import skin_distance
 from garment_sim_ros.params import HullSettings
 
 BODY = "mannequin:vertices=1500"

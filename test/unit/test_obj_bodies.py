@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.errors import InputFileError, ParameterError
 
 

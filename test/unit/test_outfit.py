@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.errors import InputFileError, ParameterError
 from garment_sim_ros.garment.materials import PRESETS, material_from

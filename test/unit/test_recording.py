@@ -6,7 +6,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from garment_sim_ros.errors import InputFileError
-from garment_sim_ros.tradeoff.recording import read_recording
+from garment_sim_ros.recording.bags import read_recording
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 FRAMES = 10

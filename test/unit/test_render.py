@@ -8,8 +8,8 @@ import pytest
 import trimesh
 from PIL import Image
 
-from garment_sim_ros.tradeoff.previews import Figure, Look, animation, moments
-from garment_sim_ros.tradeoff.render import (
+from garment_sim_ros.recording.previews import Figure, Look, animation, moments
+from garment_sim_ros.recording.render import (
     Camera,
     RenderingUnavailableError,
     Surface,

@@ -5,15 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.mocap.source_urdf import urdf_from_clip
 from garment_sim_ros.mocap.walk import walk
 from garment_sim_ros.params import Material
-from garment_sim_ros.tradeoff.previews import film_indices
-from garment_sim_ros.tradeoff.recording import GarmentTrack, Recording
-from garment_sim_ros.tradeoff.replay import Replay
-from garment_sim_ros.tradeoff.summary import figures, summarize
+from garment_sim_ros.recording.bags import GarmentTrack, Recording
+from garment_sim_ros.recording.previews import film_indices
+from garment_sim_ros.recording.replay import Replay
+from garment_sim_ros.recording.summary import figures, summarize
 
 FRAMES = 150
 PERIOD = 16_666_667

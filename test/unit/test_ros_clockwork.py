@@ -6,8 +6,8 @@ import pytest
 pytest.importorskip("rclpy")
 
 from garment_sim_ros.body.rig import ROTATION, Dofs
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.errors import MessageError
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
 from garment_sim_ros.ros.cloth_stepper import ClothStepper
 from garment_sim_ros.ros.conversions import StampedJoints
 from garment_sim_ros.ros.joint_channels import JointChannels

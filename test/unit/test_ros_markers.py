@@ -8,7 +8,7 @@ pytest.importorskip("rclpy")
 from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.ros.markers import ColliderMarkers
 

@@ -6,16 +6,16 @@ import json
 import numpy as np
 import pytest
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.colliders.description import from_json, to_json
-from garment_sim_ros.colliders.fit_report import skin_distance
 from garment_sim_ros.colliders.fitting import fit_colliders
-from garment_sim_ros.colliders.motion_report import motion_report
+from garment_sim_ros.colliders.report.fit_report import skin_distance
+from garment_sim_ros.colliders.report.motion_report import motion_report
+from garment_sim_ros.colliders.report.surfaces import surface
 from garment_sim_ros.colliders.signed_distance import fit_signed_distances
-from garment_sim_ros.colliders.surfaces import surface
+from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.errors import GeometryError, MessageError, ParameterError
 from garment_sim_ros.geometry.closest_sweep import grid_distances
-from garment_sim_ros.geometry.distance_grid import DistanceGrid
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import invert_transform
 from garment_sim_ros.params import ColliderOptions, SdfSettings

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python
 
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.errors import GeometryError, MessageError, ParameterError
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.params import Environment
 from garment_sim_ros.sim.simulation import Simulation

@@ -8,20 +8,20 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.body.kinematics import ForwardKinematics
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.cli import main as cli
 from garment_sim_ros.colliders.description import from_json, load_colliders, to_json
 from garment_sim_ros.colliders.exact_mesh import fit_mesh
 from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.contact.collide import Contacts
+from garment_sim_ros.contact.mesh.skin import SkinContact
+from garment_sim_ros.contact.mesh.skinned import SkinnedMesh
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError, MessageError, ParameterError
 from garment_sim_ros.garment.garment import Garment, without_bones
-from garment_sim_ros.geometry.contact import Contacts
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
-from garment_sim_ros.geometry.skinned_mesh import SkinnedMesh
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.skin_contact import SkinContact
 
 RADIUS = 0.1
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python
 
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.params import ImplicitSettings, XpbdSettings
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.warm_up import warm_up

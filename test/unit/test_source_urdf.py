@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.body.kinematics import ForwardKinematics
+from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.body.rig import ROTATION, TRANSLATION, Dofs, Rig
-from garment_sim_ros.body.urdf import parse_urdf
 from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.source_urdf import reference_from_urdf, urdf_from_clip

@@ -8,10 +8,10 @@ import pytest
 
 from garment_sim_ros.cli.main import main
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.tradeoff.extreme_cells import cells
-from garment_sim_ros.tradeoff.extremes import Scene, curtain
-from garment_sim_ros.tradeoff.stability import Outcome, judge
-from garment_sim_ros.tradeoff.stability_map import Row, grade, picture, table
+from garment_sim_ros.stability.cells import cells
+from garment_sim_ros.stability.extremes import Scene, curtain
+from garment_sim_ros.stability.judge import Outcome, judge
+from garment_sim_ros.stability.map import Row, grade, picture, table
 
 CELLS = {cell.name: cell for cell in cells()}
 FAST = (

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from garment_sim_ros.sim.solvers.sweep_order import inward_order
+from garment_sim_ros.sim.solvers.xpbd.order import inward_order
 
 
 def test_edges_are_solved_towards_the_pins_or_from_the_boundary_inwards(cloth):

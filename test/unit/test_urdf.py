@@ -5,10 +5,10 @@ import pytest
 import trimesh
 
 from garment_sim_ros.body.kinematics import rest_transforms, world_from_dofs
+from garment_sim_ros.body.loaders.urdf import body_from_urdf, load_urdf, parse_urdf
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.rig import ROTATION, TRANSLATION
 from garment_sim_ros.body.skinning import skin_vertices
-from garment_sim_ros.body.urdf import body_from_urdf, load_urdf, parse_urdf
 from garment_sim_ros.errors import InputFileError
 
 GRIPPER = """<?xml version="1.0"?>

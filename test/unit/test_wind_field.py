@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.errors import ParameterError
-from garment_sim_ros.geometry.shapes import ColliderPoses
 from garment_sim_ros.params import Environment, Material
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.state import State
-from garment_sim_ros.sim.wind_field import AIR_DENSITY, WindOnCloth, air_velocity, wind_field
+from garment_sim_ros.sim.world.wind_field import AIR_DENSITY, WindOnCloth, air_velocity, wind_field
 
 GUSTS = {"wind_drag": 1.2, "wind_lift": 0.4, "gust": 2.0}
 

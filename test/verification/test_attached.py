@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.shapes import ColliderPoses
 from garment_sim_ros.params import Environment, ImplicitSettings, RelaxationSettings, XpbdSettings
-from garment_sim_ros.sim.attached import Attached
-from garment_sim_ros.sim.attaching import nearest_pins
+from garment_sim_ros.sim.holds.attaching import nearest_pins
+from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.placement import SoftAttachments
 from garment_sim_ros.sim.simulation import Simulation

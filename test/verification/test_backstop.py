@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.sim.simulation import Simulation
 
 

@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+from naive import naive_xpbd
 
-from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import XpbdSettings
-from garment_sim_ros.sim import naive_xpbd
-from garment_sim_ros.sim.kernels.coarse import pull_cells
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers import SOLVERS
-from garment_sim_ros.sim.solvers.coarse import coarse_level, prepare_cells
+from garment_sim_ros.sim.solvers.xpbd.coarse import coarse_level, prepare_cells
+from garment_sim_ros.sim.solvers.xpbd.coarse_kernels import pull_cells
 
 G = 9.81
 ROWS, COLUMNS = 25, 9

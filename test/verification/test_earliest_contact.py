@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from garment_sim_ros.contact.papers.earliest.contact import _fill
+from garment_sim_ros.contact.papers.earliest.poses import PosedEllipsoids
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.errors import ParameterError
-from garment_sim_ros.geometry.ellipsoid_poses import PosedEllipsoids
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix
 from garment_sim_ros.params import Environment, RelaxationSettings, XpbdSettings
-from garment_sim_ros.sim.earliest_contact import _fill
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.state import ColliderState

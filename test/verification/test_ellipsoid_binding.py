@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from garment_sim_ros.body.kinematics import rest_transforms
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.colliders.description import from_json, to_json
-from garment_sim_ros.colliders.ellipsoid_binding import fit_ellipsoids
-from garment_sim_ros.colliders.fatness import Union
-from garment_sim_ros.colliders.motion_report import motion_report
+from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import fit_ellipsoids
 from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.colliders.report.fatness import Union
+from garment_sim_ros.colliders.report.motion_report import motion_report
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError, MessageError
 from garment_sim_ros.geometry.mvee import mvee
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import transform_from, transform_points
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import sample

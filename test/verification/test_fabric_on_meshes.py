@@ -6,8 +6,8 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import Delaunay
 
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.garment.materials import PRESETS
-from garment_sim_ros.geometry.shapes import ColliderPoses
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import Material, XpbdSettings
 from garment_sim_ros.sim.elasticity import edge_stiffness

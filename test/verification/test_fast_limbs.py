@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from garment_sim_ros.geometry.distance_grid import DistanceGrid
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
+from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.sim.simulation import Simulation
 
 RADIUS, LENGTH, SPEED, STEP = 0.03, 0.8, 10.0, 1 / 180

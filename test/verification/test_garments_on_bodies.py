@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from garment_sim_ros.body.kinematics import rest_transforms
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skinning import skin_vertices
-from garment_sim_ros.colliders.capsules import fit_capsules
+from garment_sim_ros.colliders.capsules.capsules import fit_capsules
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.generators import long_skirt, short_skirt, tshirt

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
-from garment_sim_ros.colliders.capsules import fit_capsules
+from garment_sim_ros.colliders.capsules.capsules import fit_capsules
 from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.garment.outfit import load_outfit
-from garment_sim_ros.geometry.shapes import ColliderPoses
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import sample
-from garment_sim_ros.sim.layers import LayerPair
+from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.simulation import Simulation
 
 FRAME = 1 / 60

@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.params import Environment
-from garment_sim_ros.sim.kernels.skinned import pose_frames
+from garment_sim_ros.sim.holds.skin_places import follow
+from garment_sim_ros.sim.holds.skinned import pose_frames
 from garment_sim_ros.sim.placement import blend
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.skin_places import follow
 
 WEIGHTLESS = Environment(gravity=(0.0, 0.0, 0.0))
 STEP = 1 / 180

@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from garment_sim_ros.geometry.contact_sides import LET_GO, PASSING
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
+from garment_sim_ros.contact.sides import LET_GO, PASSING
 from garment_sim_ros.params import XpbdSettings
 from garment_sim_ros.sim.simulation import Simulation
 

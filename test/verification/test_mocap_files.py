@@ -5,7 +5,7 @@ import pytest
 
 from garment_sim_ros.body.humanoid import humanoid_map
 from garment_sim_ros.body.kinematics import ForwardKinematics
-from garment_sim_ros.body.urdf import parse_urdf
+from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.mocap.bvh import load_bvh
 from garment_sim_ros.mocap.sampling import ClipSampler
 from garment_sim_ros.mocap.source_urdf import reference_from_urdf, urdf_from_clip

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from garment_sim_ros.body.kinematics import rest_transforms
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.major_bones import major_bones
 
 

@@ -6,7 +6,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.body.kinematics import rest_transforms, world_from_local
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skinning import METHODS, Skinner
 
 

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
-from garment_sim_ros.sim.kernels.sanity import keep_good
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
+from garment_sim_ros.sim.sanity import keep_good
 from garment_sim_ros.sim.simulation import Simulation
 
 BALL = Collider(name="ball", kind="sphere", bone="bone", geometry={"radius": 0.1})

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion, quaternion_multiply
 from garment_sim_ros.params import Environment
 from garment_sim_ros.sim.simulation import Simulation

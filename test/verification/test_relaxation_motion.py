@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.params import Environment, RelaxationSettings
-from garment_sim_ros.sim.kernels.springs import correct_springs
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.solvers.relaxation.springs import correct_springs
 
 G = 9.81
 WEIGHTLESS = Environment(gravity=(0.0, 0.0, 0.0))

@@ -11,8 +11,8 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.geometry import locality
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
 from garment_sim_ros.sim import solvers
 from garment_sim_ros.sim.simulation import Simulation
 

@@ -5,13 +5,13 @@ import itertools
 
 import numpy as np
 import pytest
+from naive import naive
 from scipy.spatial.transform import Rotation
 
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
-from garment_sim_ros.sim import naive
-from garment_sim_ros.sim.kernels.sub_steps import _KNOWN
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.solvers.xpbd.sub_steps import _KNOWN
 
 FRAME = 1 / 60
 GEOMETRY = {

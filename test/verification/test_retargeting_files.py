@@ -5,10 +5,10 @@ import pytest
 
 from garment_sim_ros.body.humanoid import humanoid_map
 from garment_sim_ros.body.kinematics import ForwardKinematics, rest_transforms
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skinning import skin_vertices
-from garment_sim_ros.body.urdf import parse_urdf
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.source_urdf import reference_from_urdf, urdf_from_clip
 

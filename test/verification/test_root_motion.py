@@ -5,11 +5,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.params import Environment
-from garment_sim_ros.sim.root_motion import TakenOut, take_along
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.world.root_motion import TakenOut, take_along
 
 STEP = 1 / 180
 GRAVITY = 9.81

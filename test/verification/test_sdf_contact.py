@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from garment_sim_ros.geometry.distance_grid import DistanceGrid
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
+from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.sim.simulation import Simulation
 
 THICKNESS = 0.002

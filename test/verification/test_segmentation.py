@@ -5,12 +5,12 @@ import pytest
 import trimesh
 
 from garment_sim_ros.body.kinematics import rest_transforms
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skinning import skin_vertices
-from garment_sim_ros.colliders.body_surface import body_surface
-from garment_sim_ros.colliders.extremities import ENDS
-from garment_sim_ros.colliders.segmentation import rig_joints, segment
-from garment_sim_ros.colliders.thresholds import REGIONS
+from garment_sim_ros.colliders.ellipsoids.thresholds import REGIONS
+from garment_sim_ros.colliders.segmentation.body_surface import body_surface
+from garment_sim_ros.colliders.segmentation.extremities import ENDS
+from garment_sim_ros.colliders.segmentation.segmentation import rig_joints, segment
 from garment_sim_ros.errors import GarmentSimError, GeometryError, ParameterError
 from garment_sim_ros.geometry.geodesics import iso_line, mesh_edges
 

@@ -8,11 +8,11 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from garment_sim_ros.body.kinematics import rest_transforms
-from garment_sim_ros.body.loaders import load_body
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.cli import main as cli
-from garment_sim_ros.colliders.segmentation import segment
-from garment_sim_ros.colliders.thresholds import REGIONS
+from garment_sim_ros.colliders.ellipsoids.thresholds import REGIONS
+from garment_sim_ros.colliders.segmentation.segmentation import segment
 from garment_sim_ros.errors import GeometryError
 
 

@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from naive.naive_self_collision import crossings, point_gap
 from numba.core.runtime import _nrt_python
 from scipy.spatial import cKDTree
 
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.params import Environment
-from garment_sim_ros.sim.naive_self_collision import crossings, point_gap
 from garment_sim_ros.sim.simulation import Simulation
 
 SPACING = 0.02

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.params import Environment
 from garment_sim_ros.sim.simulation import Simulation
 

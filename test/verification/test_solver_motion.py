@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from garment_sim_ros.geometry.shapes import Collider, ColliderPoses
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.params import Environment, ImplicitSettings, XpbdSettings
 from garment_sim_ros.sim.simulation import Simulation
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from garment_sim_ros.geometry.shapes import ColliderPoses
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.solvers.xpbd_workspace import XpbdWorkspace
+from garment_sim_ros.sim.solvers.xpbd.workspace import XpbdWorkspace
 
 AROUND, ALONG, RADIUS, LENGTH = 34, 17, 0.11, 0.3
 

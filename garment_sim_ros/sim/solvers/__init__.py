@@ -5,7 +5,9 @@ from dataclasses import dataclass
 
 from garment_sim_ros.params import ImplicitSettings, RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.model import ClothModel, Parameters
-from garment_sim_ros.sim.solvers import implicit, relaxation, xpbd
+from garment_sim_ros.sim.solvers.implicit import step as implicit
+from garment_sim_ros.sim.solvers.relaxation import step as relaxation
+from garment_sim_ros.sim.solvers.xpbd import step as xpbd
 from garment_sim_ros.sim.state import ColliderState, State, Workspace
 
 Step = Callable[[ClothModel, ColliderState, Parameters, State, Workspace, float], None]

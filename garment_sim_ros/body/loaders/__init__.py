@@ -1,0 +1,1 @@
+"""Readers of bodies: glTF, URDF, OBJ and MakeHuman, plain meshes."""

@@ -1,0 +1,263 @@
+"""Reading glTF 2.0 files (.gltf, .glb, .vrm): container, buffers and accessors.
+
+Follows the Khronos glTF 2.0 specification, sections 3.6 (binary data) and 4 (GLB). Every size,
+index and offset in the file is checked against what is really there before memory is taken.
+"""
+
+import base64
+import binascii
+import json
+import struct
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.body.loaders.input_file import read_bytes
+from garment_sim_ros.errors import InputFileError
+
+MAX_ELEMENTS = 20_000_000
+"""Largest number of elements in one accessor."""
+
+SUPPORTED_EXTENSIONS = frozenset(
+    {
+        *("KHR_mesh_quantization", "KHR_texture_transform", "KHR_materials_unlit", "VRM"),
+        *("VRMC_vrm", "VRMC_materials_mtoon", "VRMC_springBone", "VRMC_node_constraint"),
+        *("KHR_texture_basisu", "EXT_texture_webp", "KHR_materials_pbrSpecularGlossiness"),
+    }
+)
+"""Required extensions that do not change the geometry, or that are understood."""
+
+_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+
+
+class GltfFile:
+    """A parsed glTF file.
+
+    Args:
+        path: A .gltf, .glb or .vrm file.
+
+    Raises:
+        InputFileError: The file is missing, truncated, not glTF 2.0, or needs an unsupported
+            extension.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = path
+        data = read_bytes(path)
+        self._binary: bytes | None = None
+        self._lists: dict[str, list[Any]] = {}
+        if data[:4] == b"glTF":
+            data = self._glb_json(data)
+        self._json = self._parse(data)
+        version = str(self._object(self._json.get("asset", {}), "asset").get("version", "?"))
+        if not version.startswith("2."):
+            raise self.error(f"is glTF version {version!r}", "allowed: 2.x")
+        required = set(self.list_of("extensionsRequired", kind=str)) - SUPPORTED_EXTENSIONS
+        if required:
+            raise self.error(
+                f"needs the extension {', '.join(sorted(required))}",
+                "allowed: files exported without mesh compression",
+            )
+        self._buffers: dict[int, bytes] = {}
+
+    def error(self, problem: str, allowed: str = "") -> InputFileError:
+        """An error about this file."""
+        return InputFileError(self.path, problem, allowed)
+
+    @property
+    def extensions(self) -> dict[str, Any]:
+        """The file's extension objects."""
+        return self._object(self._json.get("extensions", {}), "extensions")
+
+    def list_of(self, key: str, kind: type = dict) -> list[Any]:
+        """A top-level list (`nodes`, `meshes`, ...), empty where absent."""
+        if key not in self._lists:
+            self._lists[key] = self.items(self._json, key, kind)
+        return self._lists[key]
+
+    def items(self, owner: dict[str, Any], key: str, kind: type) -> list[Any]:
+        """The list `owner[key]` of elements of one type, empty where absent."""
+        value = owner.get(key, [])
+        if not isinstance(value, list) or not all(
+            isinstance(v, kind) and not (kind is int and isinstance(v, bool)) for v in value
+        ):
+            raise self.error(f"{key} is malformed", f"allowed: a list of {kind.__name__}")
+        return value
+
+    def numbers(self, owner: dict[str, Any], key: str, count: int) -> NDArray[np.float64] | None:
+        """The `count` finite numbers `owner[key]`, None where absent."""
+        value = owner.get(key)
+        if value is None:
+            return None
+        try:
+            array = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError):
+            array = np.zeros(0)
+        if array.shape != (count,) or not np.isfinite(array).all():
+            raise self.error(f"{key} is malformed", f"allowed: {count} finite numbers")
+        return array
+
+    def index(self, owner: dict[str, Any], key: str, count: int) -> int:
+        """The index `owner[key]` into a list of `count`."""
+        value = owner.get(key)
+        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < count:
+            raise self.error(f"{key} is {value!r}", f"allowed: 0 to {count - 1}")
+        return value
+
+    def accessor(self, owner: dict[str, Any], key: str, kind: str) -> NDArray[Any]:
+        """The values of the accessor whose index is `owner[key]`.
+
+        Args:
+            owner: The JSON object that refers to the accessor.
+            key: The reference's name.
+            kind: Element type wanted: SCALAR, VEC3, VEC4 or MAT4.
+
+        Returns:
+            float64 where the file holds floats or normalised integers, else int64; shape
+            [count, width], [count] for SCALAR.
+
+        Raises:
+            InputFileError: Wrong type, or the data does not lie within the file.
+        """
+        accessors = self.list_of("accessors")
+        accessor = accessors[self.index(owner, key, len(accessors))]
+        if accessor.get("type") != kind:
+            raise self.error(f"{key} has type {accessor.get('type')!r}", f"allowed: {kind}")
+        component = accessor.get("componentType")
+        if not isinstance(component, int) or component not in _COMPONENTS:
+            raise self.error(f"{key} has componentType {component!r}")
+        count = self._size(accessor, "count")
+        if not 0 < count <= MAX_ELEMENTS:
+            raise self.error(f"{key} declares {count} elements", f"allowed: 1 to {MAX_ELEMENTS}")
+        width = _WIDTH[kind]
+        dtype = np.dtype(_COMPONENTS[component])
+        if "bufferView" in accessor:
+            raw = self._elements(accessor, dtype, width, count)
+        elif "sparse" in accessor:
+            raw = np.zeros((count, width), dtype)
+        else:
+            raise self.error(f"{key} has no bufferView", "allowed: accessors with data")
+        if "sparse" in accessor:
+            raw = self._sparse(self._object(accessor["sparse"], "sparse"), raw)
+        if dtype.kind == "f":
+            values = raw.astype(np.float64)
+        elif accessor.get("normalized") is True:
+            values = np.maximum(raw / float(np.iinfo(dtype).max), -1.0)
+        else:
+            values = raw.astype(np.int64)
+        return values[:, 0] if kind == "SCALAR" else values
+
+    def _glb_json(self, data: bytes) -> bytes:
+        if len(data) < 20:
+            raise self.error("is truncated", "allowed: a GLB file of at least 20 bytes")
+        version, length = struct.unpack_from("<II", data, 4)
+        if version != 2:
+            raise self.error(f"is GLB version {version}", "allowed: 2")
+        if length > len(data):
+            raise self.error(f"is truncated: {len(data)} bytes of {length}")
+        chunks: dict[bytes, bytes] = {}
+        offset = 12
+        while offset + 8 <= length:
+            size, kind = struct.unpack_from("<I4s", data, offset)
+            if offset + 8 + size > length:
+                raise self.error(f"is truncated: a chunk of {size} bytes passes the file's end")
+            chunks.setdefault(kind, data[offset + 8 : offset + 8 + size])
+            offset += 8 + size + (-size) % 4
+        if b"JSON" not in chunks:
+            raise self.error("has no JSON chunk")
+        self._binary = chunks.get(b"BIN\0")
+        return chunks[b"JSON"]
+
+    def _parse(self, data: bytes) -> dict[str, Any]:
+        def refuse(token: str) -> None:
+            raise ValueError(f"{token} is not a number")
+
+        try:
+            content = json.loads(data.decode("utf-8-sig"), parse_constant=refuse)
+        except (ValueError, RecursionError) as error:
+            raise self.error(f"is not glTF ({error})", "allowed: glTF 2.0 JSON or GLB") from error
+        return self._object(content, "the file")
+
+    def _object(self, value: Any, label: str) -> dict[str, Any]:
+        if not isinstance(value, dict):
+            raise self.error(f"{label} is malformed", "allowed: a JSON object")
+        return value
+
+    def _size(self, owner: dict[str, Any], key: str) -> int:
+        value = owner.get(key, 0)
+        if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+            raise self.error(f"{key} is {value!r}", "allowed: a whole number from 0")
+        return value
+
+    def _elements(
+        self, owner: dict[str, Any], dtype: np.dtype[Any], width: int, count: int
+    ) -> NDArray[Any]:
+        """`count` elements of `width` components from the buffer view that `owner` names."""
+        views = self.list_of("bufferViews")
+        view = views[self.index(owner, "bufferView", len(views))]
+        buffer = self._buffer(self.index(view, "buffer", len(self.list_of("buffers"))))
+        view_offset = self._size(view, "byteOffset")
+        view_end = view_offset + self._size(view, "byteLength")
+        start = view_offset + self._size(owner, "byteOffset")
+        element = width * dtype.itemsize
+        stride = self._size(view, "byteStride") or element
+        end = start + (count - 1) * stride + element
+        if stride < element or end > view_end or view_end > len(buffer):
+            raise self.error(
+                f"an accessor of {count} elements ends at byte {end}",
+                f"allowed: within its view ({view_end}) and buffer ({len(buffer)} bytes)",
+            )
+        return np.ndarray(
+            (count, width), dtype, buffer, offset=start, strides=(stride, dtype.itemsize)
+        )
+
+    def _sparse(self, sparse: dict[str, Any], raw: NDArray[Any]) -> NDArray[Any]:
+        """A copy of `raw` with the sparse substitutions done."""
+        count = self._size(sparse, "count")
+        if not 0 < count <= len(raw):
+            raise self.error(f"a sparse accessor has {count} of {len(raw)} elements")
+        indices = self._object(sparse.get("indices"), "sparse indices")
+        component = indices.get("componentType")
+        if component not in (5121, 5123, 5125):
+            raise self.error(f"sparse indices have componentType {component!r}")
+        where = self._elements(indices, np.dtype(_COMPONENTS[component]), 1, count)[:, 0]
+        if where.max() >= len(raw):
+            raise self.error(f"a sparse index is {where.max()}", f"allowed: below {len(raw)}")
+        values = self._object(sparse.get("values"), "sparse values")
+        raw = raw.copy()
+        raw[where] = self._elements(values, raw.dtype, raw.shape[1], count)
+        return raw
+
+    def _buffer(self, index: int) -> bytes:
+        if index not in self._buffers:
+            uri = self.list_of("buffers")[index].get("uri")
+            if uri is None:
+                if index != 0 or self._binary is None:
+                    raise self.error(f"buffer {index} has no data")
+                self._buffers[index] = self._binary
+            elif not isinstance(uri, str):
+                raise self.error(f"buffer {index} has uri {uri!r}")
+            elif uri.startswith("data:"):
+                self._buffers[index] = self._embedded(uri)
+            else:
+                self._buffers[index] = self._beside(uri)
+        return self._buffers[index]
+
+    def _embedded(self, uri: str) -> bytes:
+        header, _, payload = uri.partition(",")
+        if not header.endswith(";base64"):
+            raise self.error("has a data URI that is not base64")
+        try:
+            return base64.b64decode(payload, validate=True)
+        except binascii.Error as error:
+            raise self.error(f"has a data URI that is not base64 ({error})") from error
+
+    def _beside(self, uri: str) -> bytes:
+        name = Path(unquote(uri))
+        if "://" in uri or name.is_absolute() or ".." in name.parts:
+            raise self.error(f"names the buffer {uri!r}", "allowed: files below its own folder")
+        return read_bytes(Path(self.path).parent / name)

@@ -1,0 +1,1 @@
+"""The built-in body, grown from body measurements."""

@@ -1,0 +1,1 @@
+"""Fitting of capsules and spheres to limbs."""

@@ -1,0 +1,1 @@
+"""Fitting of enclosing ellipsoids to regions of the skin."""

@@ -1,0 +1,1 @@
+"""Fitting of simplified convex hulls."""

@@ -1,0 +1,1 @@
+"""How well fitted colliders cover the skin, at rest and in motion."""

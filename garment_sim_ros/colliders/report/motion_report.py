@@ -1,0 +1,70 @@
+"""How far posed skin leaves its colliders over a motion."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.body.skinning import Skinner
+from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.colliders.regions import vertex_areas
+from garment_sim_ros.colliders.report.fatness import Union
+from garment_sim_ros.contact.ellipsoid_refit import REFIT_KEYS
+from garment_sim_ros.contact.shapes import Collider, ColliderSet
+
+FloatArray = NDArray[np.float64]
+
+_AT_ALL = 1e-5
+"""Skin that leaves the shapes by no more than this is inside [m]: single precision."""
+
+
+def motion_report(
+    body: Body, colliders: ColliderSet, poses: Sequence[FloatArray]
+) -> dict[str, Any]:
+    """Posed skin outside the union of its colliders.
+
+    Args:
+        body: Rig and skin.
+        colliders: The set.
+        poses: World transforms of the rig's joints in each pose, shape [n, 4, 4].
+
+    Returns:
+        ``poses``; ``outside_share`` of the area, ``outside_mm_mean``, ``outside_mm_p99`` and
+        ``outside_mm_max`` over all of them; where shapes are fitted again in every pose, also
+        ``static``: the same if they kept their shape.
+    """
+    report: dict[str, Any] = {"poses": len(poses), **_outside(body, colliders, poses)}
+    static = tuple(_static(c) for c in colliders.colliders)
+    if any(a is not b for a, b in zip(static, colliders.colliders)):
+        report["static"] = _outside(body, replace(colliders, colliders=static), poses)
+    return report
+
+
+def _static(collider: Collider) -> Collider:
+    if "points" not in collider.geometry:
+        return collider
+    kept = {key: g for key, g in collider.geometry.items() if key not in REFIT_KEYS}
+    return replace(collider, geometry=kept)
+
+
+def _outside(body: Body, colliders: ColliderSet, poses: Sequence[FloatArray]) -> dict[str, float]:
+    poser = ColliderPoser(colliders, body)
+    skinner = Skinner(body.skin)
+    union = Union(colliders, poser.poses(poses[0]))
+    distance = []
+    for T_world_joint in poses:
+        union.move(poser.poses(T_world_joint))
+        distance.append(union.distance(skinner.vertices(T_world_joint)))
+    outside = np.maximum(np.array(distance), 0.0).astype(np.float64).ravel()
+    area = np.tile(vertex_areas(body.skin), len(poses))
+    order = np.argsort(outside)
+    rank = np.searchsorted(np.cumsum(area[order]), 0.99 * area.sum())
+    return {
+        "outside_share": round(float(area[outside > _AT_ALL].sum() / area.sum()), 5),
+        "outside_mm_mean": round(1e3 * float(outside @ area / area.sum()), 4),
+        "outside_mm_p99": round(1e3 * float(outside[order[min(rank, len(order) - 1)]]), 3),
+        "outside_mm_max": round(1e3 * float(outside.max()), 2),
+    }

@@ -1,0 +1,1 @@
+"""Geodesic segmentation of the skin into body parts."""

@@ -1,0 +1,1 @@
+"""Particles against shapes: packing, broad phase, distance, sides, sweep, response, friction."""

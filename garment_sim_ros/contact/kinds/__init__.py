@@ -1,0 +1,1 @@
+"""One kind of shape per file: its distance, normal and packing."""

@@ -1,0 +1,1 @@
+"""The exact posed skin as a shape."""

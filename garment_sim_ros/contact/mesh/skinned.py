@@ -1,0 +1,86 @@
+"""A collider of kind ``mesh``: the skin itself, posed from the frames of its set.
+
+Its geometry is that of a skin in the bind pose: ``vertices`` [v, 3], ``triangles`` [t, 3],
+``frame`` [v, k] (which of the set's colliders of kind frame each influence is, counted from 0),
+``weight`` [v, k] (rows sum to 1), and ``bind``, the inverse bind matrices of all frames [f, 3, 4].
+It has no pose of its own: vertices follow the frames by linear blending.
+"""
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.transforms import transform_from
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+_UNIT = 1e-5
+"""How far the sum of a vertex's weights may be from 1."""
+
+
+class SkinnedMesh:
+    """The one mesh of a set.
+
+    Attributes:
+        triangles: Vertex indices, shape [t, 3].
+
+    Args:
+        colliders: A set with one collider of kind mesh, and no other shape.
+
+    Raises:
+        GeometryError: Other shapes beside it, or a geometry that cannot be used.
+    """
+
+    def __init__(self, colliders: ColliderSet) -> None:
+        shapes = [c for c in colliders.colliders if c.kind != "frame"]
+        if len(shapes) != 1 or shapes[0].kind != "mesh":
+            found = ", ".join(sorted({c.kind for c in shapes})) or "none"
+            raise GeometryError(f"a mesh must be the only shape of its set; found {found}")
+        name, g = shapes[0].name, shapes[0].geometry
+        self._frames = np.flatnonzero([c.kind == "frame" for c in colliders.colliders])
+        try:
+            x, weight, bind = (
+                np.array(g[key], dtype=np.float64) for key in ("vertices", "weight", "bind")
+            )
+            triangles, frame = (np.array(g[key], dtype=np.int64) for key in ("triangles", "frame"))
+        except (KeyError, TypeError, ValueError) as error:
+            raise GeometryError(f"collider {name!r}: mesh needs numbers: {error}") from None
+        v, f = len(x), len(self._frames)
+        for label, array, shape in (
+            ("vertices", x, (v, 3)),
+            ("triangles", triangles, (max(len(triangles), 1), 3)),
+            ("frame", frame, (v, *frame.shape[1:2])),
+            ("weight", weight, frame.shape),
+            ("bind", bind, (f, 3, 4)),
+        ):
+            if array.shape != shape:
+                raise GeometryError(
+                    f"collider {name!r}: {label} has shape {array.shape}; allowed: {shape}"
+                )
+        for label, array, count in (("triangles", triangles, v), ("frame", frame, f)):
+            if array.size and (array.min() < 0 or array.max() >= count):
+                raise GeometryError(f"collider {name!r}: {label} must be indices 0..{count - 1}")
+        if not all(np.isfinite(a).all() for a in (x, weight, bind)):
+            raise GeometryError(f"collider {name!r}: found numbers that are not finite")
+        if weight.min(initial=0.0) < 0.0 or (np.abs(weight.sum(axis=1) - 1.0) > _UNIT).any():
+            raise GeometryError(f"collider {name!r}: weights must be positive and sum to 1")
+        self.triangles = triangles.astype(np.int32)
+        self._x = x
+        self._bind = np.tile(np.eye(4), (f, 1, 1))
+        self._bind[:, :3] = bind
+        row = np.repeat(np.arange(v), frame.shape[1])
+        self._weight = sp.csr_matrix((weight.ravel(), (row, frame.ravel())), shape=(v, f))
+
+    def vertices(self, poses: ColliderPoses) -> FloatArray:
+        """World positions of the skin [m], shape [v, 3].
+
+        Args:
+            poses: World poses of the whole set.
+        """
+        T = transform_from(poses.position[self._frames], poses.orientation[self._frames])
+        motion = (self._weight @ (T @ self._bind)[:, :3].reshape(len(T), 12)).reshape(-1, 3, 4)
+        posed: FloatArray = np.einsum("vij,vj->vi", motion[:, :, :3], self._x) + motion[:, :, 3]
+        return posed

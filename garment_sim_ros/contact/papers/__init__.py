@@ -1,0 +1,1 @@
+"""The two papers' own queries and responses, as printed."""

@@ -1,0 +1,1 @@
+"""Earliest hit against moving ellipsoids (second paper)."""

@@ -1,0 +1,131 @@
+"""Collider shapes: what the fitting side makes and the simulation side collides with.
+
+A `Collider` is one shape in its own frame, carried by one bone. A `ColliderSet` is what one body
+wears; its order is the order of poses in `collider_poses`. The simulation knows neither bodies
+nor fitting: it sees a set and, every step, one world pose for each of its colliders.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.errors import GeometryError
+
+FloatArray = NDArray[np.float64]
+
+KINDS: tuple[str, ...] = ("sphere", "capsule", "ellipsoid", "hull", "sdf", "mesh", "frame")
+"""Collider kinds, in the order of their numbers in packed arrays."""
+
+GEOMETRY_KEYS: Mapping[str, tuple[str, ...]] = {
+    "sphere": ("radius",),
+    "capsule": ("radius0", "radius1", "length"),
+    "ellipsoid": ("radii",),
+    "hull": ("vertices", "faces"),
+    "sdf": ("cell", "step", "distance"),
+    "mesh": ("vertices", "triangles", "frame", "weight", "bind"),
+    "frame": (),
+}
+"""Required geometry entries [m]; a capsule runs from z = 0 to z = length; for the sdf see
+`distance_grid`, for the mesh `contact.mesh.skinned`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Collider:
+    """One collider.
+
+    Attributes:
+        name: Unique within its set.
+        kind: One of `KINDS`.
+        bone: The rig joint that carries it.
+        position: Origin of the collider's own frame in the bone's frame [m], shape [3].
+        orientation: Unit quaternion (x, y, z, w) of that frame in the bone's frame, shape [4].
+        geometry: Shape in its own frame [m], keys as in `GEOMETRY_KEYS`; inflation included.
+    """
+
+    name: str
+    kind: str
+    bone: str
+    position: FloatArray = field(default_factory=lambda: np.zeros(3))
+    orientation: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
+    geometry: Mapping[str, object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise GeometryError(f"collider {self.name!r}: kind {self.kind!r}; allowed: {KINDS}")
+        for key in GEOMETRY_KEYS.get(self.kind, ()):
+            if key not in self.geometry:
+                raise GeometryError(f"collider {self.name!r}: {self.kind} needs {key!r}")
+        for label, value, size in (
+            ("position", self.position, 3),
+            ("orientation", self.orientation, 4),
+        ):
+            array = np.array(value, dtype=np.float64)
+            if array.shape != (size,) or not np.isfinite(array).all():
+                raise GeometryError(
+                    f"collider {self.name!r}: {label} must be {size} finite numbers"
+                )
+            array.setflags(write=False)
+            object.__setattr__(self, label, array)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColliderSet:
+    """All colliders of one body, in a fixed order.
+
+    Attributes:
+        colliders: The colliders; names are unique.
+        thickness: Distance that cloth keeps from the surfaces [m].
+        frame_id: Frame in which poses of this set are given.
+    """
+
+    colliders: tuple[Collider, ...]
+    thickness: float = 0.0
+    frame_id: str = "world"
+
+    def __post_init__(self) -> None:
+        names = [c.name for c in self.colliders]
+        duplicates = sorted({n for n in names if names.count(n) > 1})
+        if duplicates:
+            raise GeometryError(f"collider names must be unique; found twice: {duplicates}")
+
+    def __len__(self) -> int:
+        return len(self.colliders)
+
+    @property
+    def revision(self) -> str:
+        """SHA-256 of everything that collision depends on, as hexadecimal text."""
+        digest = hashlib.sha256(f"{self.frame_id}|{self.thickness!r}".encode())
+        for c in self.colliders:
+            digest.update(f"|{c.name}|{c.kind}|{c.bone}|".encode())
+            digest.update(c.position.tobytes() + c.orientation.tobytes())
+            for key in sorted(c.geometry):
+                array = np.asarray(c.geometry[key], dtype=np.float64)
+                digest.update(f"{key}{array.shape}".encode() + array.tobytes())
+        return digest.hexdigest()
+
+
+@dataclass(kw_only=True)
+class ColliderPoses:
+    """World poses of a set's colliders at one instant.
+
+    Attributes:
+        position: Origins in the world frame [m], shape [n, 3], float64.
+        orientation: Unit quaternions (x, y, z, w) in the world frame, shape [n, 4], float64.
+    """
+
+    position: FloatArray
+    orientation: FloatArray
+
+    @classmethod
+    def identity(cls, count: int) -> "ColliderPoses":
+        """Poses of `count` colliders at the world's origin."""
+        orientation = np.zeros((count, 4))
+        orientation[:, 3] = 1.0
+        return cls(position=np.zeros((count, 3)), orientation=orientation)
+
+    def copy(self) -> "ColliderPoses":
+        """An independent copy."""
+        return ColliderPoses(position=self.position.copy(), orientation=self.orientation.copy())

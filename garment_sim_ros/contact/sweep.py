@@ -1,0 +1,316 @@
+"""Particles against the way that shapes took during a step, so that thin ones do not pass.
+
+Contact looks at where particles and shapes are at the end of a step. A shape that moved by more
+than it is thick may then be on the other side of the cloth already, or so deep in it that the
+short way out is the wrong one. Here the way of a particle relative to a shape is followed from its
+start, in steps as long as its distance (sphere tracing, Hart 1996); where it enters the shape, and
+goes far enough inside for the short way out to be in doubt, it ends just under the surface where
+it came in, and rides on from there: an impact is inelastic in every direction, or else cloth slips
+off a thin limb before its neighbours are moving. Contact then does the rest. All that this asks of
+a shape is a distance.
+
+Only pairs are followed where the shape moved by more than a part of its own inner radius in the
+step, or the particle would have, coasting at its speed past the shape. What only its neighbours
+pull through a slow shape was on the wrong side of it: stopped, it would stay there, and stretched,
+for good. Whether there are such pairs is known from the shapes' motion and a bound for each block
+of particles, so that steps without fast limbs cost next to nothing.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.contact.distance import shape_distance
+from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
+from garment_sim_ros.contact.packed import PackedShapes
+from garment_sim_ros.contact.shapes import ColliderSet
+from garment_sim_ros.contact.sides import UNDER
+from garment_sim_ros.geometry.locality import BLOCK
+from garment_sim_ros.jit import lean_kernel
+
+SingleArray = NDArray[np.float32]
+
+_SHORT = 0.5
+"""Ways of less than this, in inner radii, end on the side where they began."""
+_UNDER_SURFACE = 0.25
+"""How deep a particle is left at most, in inner radii."""
+_TRACING_STEPS = 64
+_SHORTEST_STEP = 0.2
+"""Shortest step of tracing, in inner radii: what dips in by less is left to contact."""
+_ENTRIES = 4
+"""Shapes that one particle is stopped by in a step, at most."""
+_THINNEST = np.float32(1e-3)
+"""Least inner radius that is believed, as a share of the longest shape."""
+
+
+class Sweep(NamedTuple):
+    """What `sweep` needs beside the shapes.
+
+    Attributes:
+        inner_radius: Radius of a ball that fits into each shape [m], shape [m].
+        fast: Scratch: fast shapes, then those of them that are near a block, shape [2 m + 2].
+        spread: Scratch: how differently the points of a fast shape move, shape [m + 1].
+    """
+
+    inner_radius: SingleArray
+    fast: NDArray[np.int32]
+    spread: SingleArray
+
+    @classmethod
+    def of(cls, colliders: ColliderSet, shapes: PackedShapes) -> "Sweep":
+        """For the shapes of a set."""
+        radii = [
+            _inner_radius(c.kind, c.geometry)
+            for c in (colliders.colliders[i] for i in shapes.collider)
+        ]
+        m = len(radii)
+        return cls(
+            inner_radius=np.maximum(np.array(radii, np.float32), _THINNEST * shapes.longest),
+            fast=np.zeros(2 * m + 2, np.int32),
+            spread=np.zeros(m + 1, np.float32),
+        )
+
+
+def _inner_radius(kind: str, geometry: Mapping[str, object]) -> float:
+    """Radius of a ball that fits into a shape [m]; 0 where that is not known."""
+    if kind == "sphere":
+        return float(geometry["radius"])  # type: ignore[arg-type]
+    if kind == "capsule":
+        return min(float(geometry["radius0"]), float(geometry["radius1"]))  # type: ignore[arg-type]
+    if kind == "ellipsoid":
+        return float(np.min(np.asarray(geometry["radii"], np.float64)))
+    if kind == "hull":
+        vertices = np.asarray(geometry["vertices"], np.float64)
+        a, b, c = (vertices[np.asarray(geometry["faces"])[:, k]] for k in range(3))
+        normal = np.cross(b - a, c - a)
+        length = np.linalg.norm(normal, axis=1)
+        height = np.einsum("fi,fi->f", a - vertices.mean(axis=0), normal)[length > 0.0]
+        return max(float((height / length[length > 0.0]).min()), 0.0) if len(height) else 0.0
+    if kind == "sdf":
+        grid = DistanceGrid.of(geometry)
+        return max(-float(grid.distance.min()) * grid.step, 0.0)
+    return 0.0
+
+
+@lean_kernel(forceinline=True)
+def _enters(shapes, posed, k, qx, qy, qz, rx, ry, rz, length, inner, thickness):
+    """Where the way from q along r enters shape k, inflated by `thickness`.
+
+    Returns:
+        Part of the way, 2 where it does not enter; and the unit direction out of the shape there.
+    """
+    zero = np.float32(0.0)
+    shortest = max(np.float32(_SHORTEST_STEP) * inner, length * np.float32(1.0 / _TRACING_STEPS))
+    gone = zero
+    for step in range(_TRACING_STEPS + 1):
+        t = gone / length
+        d, nx, ny, nz = shape_distance(
+            shapes, posed, k, qx + t * rx, qy + t * ry, qz + t * rz, length - gone + thickness
+        )
+        d -= thickness
+        if d <= zero:
+            if step == 0 and d < np.float32(-_SHORT) * inner:
+                break  # It was inside: no side to keep.
+            if rx * nx + ry * ny + rz * nz < zero:
+                return t, nx, ny, nz
+        gone += max(d, shortest)
+        if not gone < length:
+            break
+    return np.float32(2.0), zero, zero, zero
+
+
+@lean_kernel(forceinline=True)
+def sweep(shapes, posed, side, way, x, x_start, x_coast, thickness):
+    """Stops particles where they entered a shape that they, or it, would pass through.
+
+    Args:
+        shapes: Packed shapes.
+        posed: The same, posed at the end, their `carry` from when the particles were at `x_start`.
+        side: See `Sides`; only shapes under a particle stop it.
+        way: See `Sweep`.
+        x: Proposed positions, corrected in place [m], shape [n, 3].
+        x_start: Where the particles came from [m], shape [n, 3].
+        x_coast: Where they would be if their neighbours did not pull at them [m], shape [n, 3].
+        thickness: Distance to keep from the surfaces [m].
+
+    Returns:
+        Number of particles stopped.
+    """
+    zero = np.float32(0.0)
+    half = np.float32(0.5)
+    shapes_count = posed.box.shape[0]
+    squared = zero
+    for p in range(x.shape[0]):
+        ux = x_coast[p, 0] - x_start[p, 0]
+        uy = x_coast[p, 1] - x_start[p, 1]
+        uz = x_coast[p, 2] - x_start[p, 2]
+        squared = max(squared, ux * ux + uy * uy + uz * uz)
+    fastest = np.sqrt(squared)
+    count = 0
+    for k in range(shapes_count):
+        cx = half * (posed.box[k, 0] + posed.box[k, 3])
+        cy = half * (posed.box[k, 1] + posed.box[k, 4])
+        cz = half * (posed.box[k, 2] + posed.box[k, 5])
+        hx = posed.box[k, 3] - cx
+        hy = posed.box[k, 4] - cy
+        hz = posed.box[k, 5] - cz
+        turn = zero
+        moved = zero
+        for r in range(3):
+            a = posed.carry[k, r, 0]
+            b = posed.carry[k, r, 1]
+            c = posed.carry[k, r, 2]
+            turn += a * a + b * b + c * c
+            w = a * cx + b * cy + c * cz + posed.carry[k, r, 3]
+            moved += w * w
+        turn = np.sqrt(turn)
+        moved = np.sqrt(moved) + turn * np.sqrt(hx * hx + hy * hy + hz * hz)
+        way.fast[count] = k
+        way.spread[count] = turn
+        count += (
+            1 if moved + fastest > np.float32(_SHORT) * (way.inner_radius[k] + thickness) else 0
+        )
+    if count == 0:
+        return 0
+    stopped = 0
+    first = shapes_count + 1
+    for begin in range(0, x.shape[0], BLOCK):
+        end = min(begin + BLOCK, x.shape[0])
+        ax = ay = az = lx = ly = lz = mx = my = mz = np.float32(np.inf)
+        bx = by = bz = hx = hy = hz = sx = sy = sz = np.float32(-np.inf)
+        for p in range(begin, end):
+            px, py, pz = x[p, 0], x[p, 1], x[p, 2]
+            qx, qy, qz = x_start[p, 0], x_start[p, 1], x_start[p, 2]
+            fx, fy, fz = x_coast[p, 0] - qx, x_coast[p, 1] - qy, x_coast[p, 2] - qz
+            ax, bx = min(ax, px), max(bx, px)
+            ay, by = min(ay, py), max(by, py)
+            az, bz = min(az, pz), max(bz, pz)
+            mx, sx = min(mx, qx), max(sx, qx)
+            my, sy = min(my, qy), max(sy, qy)
+            mz, sz = min(mz, qz), max(sz, qz)
+            lx, hx = min(lx, fx), max(hx, fx)
+            ly, hy = min(ly, fy), max(hy, fy)
+            lz, hz = min(lz, fz), max(hz, fz)
+        cx = half * (mx + sx)
+        cy = half * (my + sy)
+        cz = half * (mz + sz)
+        radius = np.sqrt((sx - cx) ** 2 + (sy - cy) ** 2 + (sz - cz) ** 2)
+        near = 0
+        for n in range(count):
+            k = way.fast[n]
+            slack = way.spread[n] * radius
+            wx = (
+                posed.carry[k, 0, 0] * cx
+                + posed.carry[k, 0, 1] * cy
+                + posed.carry[k, 0, 2] * cz
+                + posed.carry[k, 0, 3]
+            )
+            wy = (
+                posed.carry[k, 1, 0] * cx
+                + posed.carry[k, 1, 1] * cy
+                + posed.carry[k, 1, 2] * cz
+                + posed.carry[k, 1, 3]
+            )
+            wz = (
+                posed.carry[k, 2, 0] * cx
+                + posed.carry[k, 2, 1] * cy
+                + posed.carry[k, 2, 2] * cz
+                + posed.carry[k, 2, 3]
+            )
+            ux = max(hx - wx, wx - lx)
+            uy = max(hy - wy, wy - ly)
+            uz = max(hz - wz, wz - lz)
+            margin = thickness + slack
+            far = max(ux * ux + uy * uy + uz * uz, wx * wx + wy * wy + wz * wz)
+            here = (
+                (np.sqrt(far) + slack > np.float32(_SHORT) * (way.inner_radius[k] + thickness))
+                & (posed.box[k, 0] - margin <= max(bx, sx + wx))
+                & (posed.box[k, 3] + margin >= min(ax, mx + wx))
+                & (posed.box[k, 1] - margin <= max(by, sy + wy))
+                & (posed.box[k, 4] + margin >= min(ay, my + wy))
+                & (posed.box[k, 2] - margin <= max(bz, sz + wz))
+                & (posed.box[k, 5] + margin >= min(az, mz + wz))
+            )
+            way.fast[first + near] = k
+            near += 1 if here else 0
+        if near == 0:
+            continue
+        for p in range(begin, end):
+            stopped += _stop(
+                shapes, posed, side, way, x, x_start, x_coast, thickness, first, near, p
+            )
+    return stopped
+
+
+@lean_kernel()
+def _stop(shapes, posed, side, way, x, x_start, x_coast, thickness, first, count, p):
+    """Stops particle p at the earliest entry into one of the shapes found; 1 if there is one."""
+    one = np.float32(1.0)
+    zero = np.float32(0.0)
+    sx, sy, sz = x_start[p, 0], x_start[p, 1], x_start[p, 2]
+    px, py, pz = x[p, 0], x[p, 1], x[p, 2]
+    stopped = 0
+    last = np.int64(-1)
+    for _ in range(_ENTRIES):
+        earliest = np.float32(2.0)
+        entered = np.int64(-1)
+        nx = ny = nz = ex = ey = ez = rx = ry = rz = zero
+        for n in range(count):
+            k = np.int64(way.fast[first + n])
+            if k == last or side[k, p] != UNDER:
+                continue
+            # In the shape's frame at the end: from where the particle would be if it rode it.
+            qx = sx + (
+                posed.carry[k, 0, 0] * sx
+                + posed.carry[k, 0, 1] * sy
+                + posed.carry[k, 0, 2] * sz
+                + posed.carry[k, 0, 3]
+            )
+            qy = sy + (
+                posed.carry[k, 1, 0] * sx
+                + posed.carry[k, 1, 1] * sy
+                + posed.carry[k, 1, 2] * sz
+                + posed.carry[k, 1, 3]
+            )
+            qz = sz + (
+                posed.carry[k, 2, 0] * sx
+                + posed.carry[k, 2, 1] * sy
+                + posed.carry[k, 2, 2] * sz
+                + posed.carry[k, 2, 3]
+            )
+            ux = px - qx
+            uy = py - qy
+            uz = pz - qz
+            length = np.sqrt(ux * ux + uy * uy + uz * uz)
+            inner = way.inner_radius[k] + thickness
+            short = np.float32(_SHORT) * inner
+            wx, wy, wz = qx - sx, qy - sy, qz - sz
+            fx, fy, fz = x_coast[p, 0] - qx, x_coast[p, 1] - qy, x_coast[p, 2] - qz
+            far = max(wx * wx + wy * wy + wz * wz, fx * fx + fy * fy + fz * fz)
+            if not (length > short and far > short * short):
+                continue
+            t, mx, my, mz = _enters(
+                shapes, posed, k, qx, qy, qz, ux, uy, uz, length, inner, thickness
+            )
+            if t < earliest and (one - t) * length > short:
+                earliest = t
+                entered = k
+                nx, ny, nz = mx, my, mz
+                ex, ey, ez = qx + t * ux, qy + t * uy, qz + t * uz
+                rx, ry, rz = (one - t) * ux, (one - t) * uy, (one - t) * uz
+        if entered < 0:
+            break
+        stopped = 1
+        last = entered
+        along = rx * nx + ry * ny + rz * nz
+        along = max(along, np.float32(-_UNDER_SURFACE) * (way.inner_radius[entered] + thickness))
+        px = ex + along * nx
+        py = ey + along * ny
+        pz = ez + along * nz
+    if stopped:
+        x[p, 0] = px
+        x[p, 1] = py
+        x[p, 2] = pz
+    return stopped

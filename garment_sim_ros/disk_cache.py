@@ -1,0 +1,102 @@
+"""Arrays that take long to compute, kept in the user's cache folder."""
+
+import contextlib
+import hashlib
+import io
+import os
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Arrays = Mapping[str, NDArray[Any]]
+
+_KEPT = 50
+"""Files in one folder; those not used for longest go first."""
+
+
+def user_cache(folder: str) -> Path:
+    """A folder of this package in the user's cache; not made yet.
+
+    Raises:
+        RuntimeError: The user has no home.
+    """
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "garment_sim_ros" / folder
+
+
+def code_digest(*folders: str) -> str:
+    """A digest of the source files in folders of this package: other code, other results."""
+    package = Path(__file__).resolve().parent
+    digest = hashlib.sha256()
+    for folder in folders:
+        for file in sorted((package / folder).rglob("*.py")):
+            digest.update(str(file.relative_to(package)).encode() + file.read_bytes())
+    return digest.hexdigest()
+
+
+def array_digest(*arrays: NDArray[Any]) -> str:
+    """A digest of arrays' types, shapes and values."""
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(f"{array.dtype} {array.shape} ".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def cached_arrays(folder: str, key: str, make: Callable[[], Arrays]) -> dict[str, NDArray[Any]]:
+    """What `make` returns, from the cache where it was made before.
+
+    A cache that cannot be read or written, or whose file is damaged, only costs the time to make
+    the arrays.
+
+    Args:
+        folder: Folder in the user's cache.
+        key: All that the result depends on, code included; see `code_digest`.
+        make: Makes the arrays.
+    """
+    try:
+        file = user_cache(folder) / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.npz"
+    except RuntimeError:
+        return dict(make())
+    try:
+        with np.load(file, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        os.utime(file)
+        return arrays
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
+        pass
+    arrays = dict(make())
+    with contextlib.suppress(OSError):
+        data = io.BytesIO()
+        np.savez(data, allow_pickle=False, **arrays)
+        replace_file(file, data.getvalue())
+        keep_newest(file.parent.glob("*.npz"), _KEPT)
+    return arrays
+
+
+def replace_file(file: Path, data: bytes) -> None:
+    """Writes all of a file or nothing, and never half of it for who reads at the same time.
+
+    Raises:
+        OSError: It cannot be written; what was there stays.
+    """
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as partial:
+        try:
+            partial.write(data)
+            partial.close()
+            os.replace(partial.name, file)
+        except OSError:
+            Path(partial.name).unlink(missing_ok=True)
+            raise
+
+
+def keep_newest(files: Iterable[Path], count: int) -> None:
+    """Removes all but the `count` files that were changed or used last."""
+    for old in sorted(files, key=lambda file: file.stat().st_mtime)[:-count]:
+        old.unlink(missing_ok=True)

@@ -1,0 +1,1 @@
+"""Recorded runs: bags, replay, metrics, pictures."""

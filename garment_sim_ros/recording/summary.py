@@ -1,0 +1,85 @@
+"""The figures of one recorded run, as they go into `summary.json`."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.garment.garment import Garment
+from garment_sim_ros.recording.bags import Recording
+from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh, late_frames, rate
+from garment_sim_ros.recording.previews import Figure
+from garment_sim_ros.recording.replay import Replay
+
+_SETTLING = 1.0  # of the start, in which frames may be late [s]
+
+
+def figures(recording: Recording, body: Body) -> list[Figure]:
+    """Skin and garments at the times `recording.stamp`."""
+    replay = Replay(recording, body)
+    tracks = recording.garments.values()
+    return [
+        replay.figure(int(stamp), tuple(t.positions[k].astype(float) for t in tracks))
+        for k, stamp in enumerate(recording.stamp)
+    ]
+
+
+def summarize(
+    recording: Recording,
+    body: Body,
+    garments: Iterable[Garment],
+    shown: Iterable[Figure],
+    *,
+    frame_rate: float,
+) -> dict[str, Any]:
+    """Figures of a run.
+
+    Args:
+        recording: What was recorded.
+        body: The avatar.
+        garments: As the outfit makes them on this body.
+        shown: What `figures` gives; may be wrapped to show progress.
+        frame_rate: At which frames are due [Hz].
+
+    Returns:
+        What goes into ``summary.json``.
+    """
+    meshes = {
+        name: GarmentMesh.from_rest(track.vertices, track.triangles)
+        for name, track in recording.garments.items()
+    }
+    meter = ClothMeter(body.skin.vertices, body.skin.triangles, meshes)
+    measured = 0
+    for figure in shown:
+        meter.add(figure.skin, dict(zip(meshes, figure.garments)))
+        measured += 1
+    times = [1e-9 * np.sort(t.arrival) for t in recording.garments.values()]
+    settled = [t[t >= t[0] + _SETTLING] for t in times]
+    step = np.concatenate(
+        [keys["step_ms"] for keys in recording.quality.values() if "step_ms" in keys]
+    )
+    recovered = [k["recovered"][-1] for k in recording.quality.values() if "recovered" in k]
+    resets = [keys["resets"] for keys in recording.quality.values() if "resets" in keys]
+    result = meter.result()
+    result["finite"] = all(t.finite for t in recording.garments.values())
+    return {
+        "frames": min(len(t) for t in times),
+        "rate_hz": round(min(rate(t) for t in times), 3),
+        "late_frames": max(late_frames(t, 1.0 / frame_rate) for t in settled),
+        "step_ms_median": round(float(np.median(step)), 4),
+        "step_ms_p95": round(float(np.percentile(step, 95.0)), 4),
+        **result,
+        "resets": int(max(r[-1] for r in resets)),
+        "recovered": int(sum(recovered)),
+        "measured_frames": measured,
+        "garments": {g.name: _garment(g) for g in garments},
+    }
+
+
+def _garment(garment: Garment) -> dict[str, Any]:
+    return {
+        "vertices": len(garment.vertices),
+        "triangles": len(garment.triangles),
+        "pinned_share": round(len(garment.pins) / len(garment.vertices), 5),
+    }

@@ -1,0 +1,1 @@
+"""What limits or holds particles: tethers, leash, backstop, attachments."""

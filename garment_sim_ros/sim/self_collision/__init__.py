@@ -1,0 +1,1 @@
+"""A garment against itself."""

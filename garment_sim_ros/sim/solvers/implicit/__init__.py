@@ -1,0 +1,1 @@
+"""The implicit solver: projected energies with a direct factorisation."""

@@ -1,0 +1,360 @@
+"""What `implicit` keeps of a garment: its energy, its matrix, contacts, and the last few steps."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+
+from garment_sim_ros.contact.shapes import ColliderPoses
+from garment_sim_ros.sim.elasticity import (
+    GRAVITY,
+    Hinges,
+    edge_stiffness,
+    hinges,
+    no_stiffer,
+    stiffness_by_weight,
+)
+from garment_sim_ros.sim.holds.tethers import Attached
+from garment_sim_ros.sim.model import ClothModel
+from garment_sim_ros.sim.solvers.implicit.dissection import Fronts, dissect
+from garment_sim_ros.sim.state import Workspace
+
+FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
+IntArray = NDArray[np.int32]
+IndexArray = NDArray[np.uint32]
+LongArray = NDArray[np.int64]
+
+_WEIGHTS = 20.0
+"""A contact's stiffness: so many times its weight presses a particle in by `_SINK`."""
+_SINK = 1e-4
+"""See `_WEIGHTS` [m]; thickness has room for it."""
+_LIFT = 1e-3
+"""How far above a surface contacts are found [m]."""
+_SMALL = 0.1
+"""Extent of a garment [m]; with smaller ones the two lengths before shrink."""
+_HARDLY = 1e-5
+"""Strain by a garment's own weight that makes no difference to it."""
+_FIRM = 1e4
+"""An attachment that is stiffer, in stiffnesses of all else at its particle, does not give way."""
+_PAST = 5
+"""How many steps towards the least energy the next one is found from."""
+
+
+class Hold(NamedTuple):
+    """Contacts as springs, one for each free particle.
+
+    Attributes:
+        grip: Stiffness, 0 for none [N/m], shape [free].
+        normal: The way out, shape [free, 3].
+        level: How far along it the surface is from the local origin [m], shape [free].
+        lever: From the particle to its anchor along the surface [m], shape [free, 3].
+        ride: How far the surface moves in a sub-step [m], shape [free, 3].
+    """
+
+    grip: SingleArray
+    normal: SingleArray
+    level: SingleArray
+    lever: SingleArray
+    ride: SingleArray
+
+
+class Past(NamedTuple):
+    """The last steps towards the least energy, and scratch of the next.
+
+    Attributes:
+        step: The steps [m], shape [k, 3, free + 1].
+        force: How much force each took away [N], shape [k, 3, free + 1].
+        curvature: Their inner products [J], shape [k].
+        share: Scratch, shape [k].
+        now: Scratch: force, shape [3, free + 1].
+        next: Scratch, likewise.
+        direction: Scratch, likewise [m].
+    """
+
+    step: SingleArray
+    force: SingleArray
+    curvature: FloatArray
+    share: FloatArray
+    now: SingleArray
+    next: SingleArray
+    direction: SingleArray
+
+    @classmethod
+    def room_for(cls, n: int, kept: int = _PAST) -> "Past":
+        """Arrays for so many free particles and steps."""
+        return cls(
+            step=np.zeros((kept, 3, n + 1), np.float32),
+            force=np.zeros((kept, 3, n + 1), np.float32),
+            curvature=np.zeros(kept),
+            share=np.zeros(kept),
+            now=np.zeros((3, n + 1), np.float32),
+            next=np.zeros((3, n + 1), np.float32),
+            direction=np.zeros((3, n + 1), np.float32),
+        )
+
+
+class Ties(NamedTuple):
+    """Soft attachments, s of them, as a sub-step needs them.
+
+    Attributes:
+        particle: Whom they pull, shape [s].
+        collider: Collider that the place of each is on, shape [s].
+        spot: The place in that collider's frame [m], shape [s, 3].
+        target: The places when the last sub-step ended [m], NaN where not known, shape [s, 3].
+        pull: Stiffness of spring and damper together [N/m], shape [s].
+        spring: The spring's share of that, shape [s].
+        firm: Whether that is so stiff that the particle is at its place, shape [s].
+        lead: From the particle to where it is pulled to [m], shape [s, 3].
+    """
+
+    particle: IntArray
+    collider: IntArray
+    spot: FloatArray
+    target: SingleArray
+    pull: SingleArray
+    spring: FloatArray
+    firm: NDArray[np.bool_]
+    lead: SingleArray
+
+    @classmethod
+    def of(cls, attached: Attached) -> "Ties":
+        """Those of a garment, without stiffness yet."""
+        s = len(attached.particle)
+        return cls(
+            particle=attached.particle,
+            collider=attached.collider,
+            spot=attached.place,
+            target=attached.target,
+            pull=np.zeros(s, np.float32),
+            spring=np.zeros(s),
+            firm=np.zeros(s, np.bool_),
+            lead=np.zeros((s, 3), np.float32),
+        )
+
+
+class Cloth(NamedTuple):
+    """Edges, hinges and the matrix as sub-steps need them.
+
+    Attributes:
+        edge_particles: Ends, flat, shape [2 m].
+        edge_place: Their columns, shape [2 m].
+        rest_squared: Squared rest lengths [m^2], shape [m].
+        edge_stiffness: Shape [m] [N/m].
+        hinge_particles: Shape [h, 4].
+        hinge_place: Their columns, shape [h, 4].
+        hinge_weight: Shape [h, 4].
+        hinge_stiffness: Shape [h] [N/m].
+        inertia: Mass over squared sub-step, with damping [N/m], shape [free].
+        place: Column of each free particle, shape [free].
+        fronts: Order and fronts of the matrix.
+        stiffness: Of edges between free particles in the matrix [N/m], shape [inner].
+        base: Its diagonal without contacts [N/m], shape [free].
+        diagonal: Its diagonal [N/m], shape [free].
+        changed: Fronts to be factored again, shape [fronts].
+        front: Scratch.
+        update: What fronts add to their parents.
+        factor: The factor.
+        grip: Stiffness of a contact [N/m], shape [free].
+        clear: Scratch of a search, shape [n, 3].
+        scratch: Scratch of a solution.
+    """
+
+    edge_particles: IndexArray
+    edge_place: IndexArray
+    rest_squared: SingleArray
+    edge_stiffness: SingleArray
+    hinge_particles: IntArray
+    hinge_place: IndexArray
+    hinge_weight: SingleArray
+    hinge_stiffness: SingleArray
+    inertia: SingleArray
+    place: LongArray
+    fronts: Fronts
+    stiffness: FloatArray
+    base: FloatArray
+    diagonal: FloatArray
+    changed: NDArray[np.bool_]
+    front: FloatArray
+    update: FloatArray
+    factor: SingleArray
+    grip: SingleArray
+    clear: SingleArray
+    scratch: SingleArray
+
+
+def bending_bound(
+    edges: IntArray, particles: IntArray, weight: FloatArray, k: FloatArray
+) -> FloatArray:
+    """Stiffness for each edge [m, 2] whose springs together resist at least as the hinges do.
+
+    The weights of a hinge sum to zero, so that its curvature is sum_j w_j (x_j - x_0) over the
+    three particles j beside x_0, all of them neighbours; its square is at most
+    sum_j |w_j| times sum_j |w_j| |x_j - x_0|^2. The mean of that from both ends of the hinge.
+    """
+    if not len(edges):
+        return np.zeros(0)
+    rows, columns, values = [edges.min(axis=1)], [edges.max(axis=1)], [np.zeros(len(edges))]
+    for middle, others in ((0, (1, 2, 3)), (1, (0, 2, 3))):
+        total = np.abs(weight[:, others]).sum(axis=1)
+        for other in others:
+            pair = particles[:, (middle, other)]
+            rows.append(pair.min(axis=1))
+            columns.append(pair.max(axis=1))
+            values.append(0.5 * k * total * np.abs(weight[:, other]))
+    n = int(max(column.max(initial=0) for column in columns)) + 1
+    joined = (np.concatenate(rows), np.concatenate(columns))
+    matrix = coo_matrix((np.concatenate(values), joined), shape=(n, n)).tocsr()
+    return np.asarray(matrix[edges.min(axis=1), edges.max(axis=1)]).ravel()
+
+
+def _limits(
+    model: ClothModel, most: float, edges: FloatArray, hinges: FloatArray
+) -> tuple[str, ...]:
+    """What is stiffer than `most` [N/m] and therefore counts as that, in words.
+
+    In single precision a coordinate's last place is a force then that outweighs particles, and
+    cloth sticks wherever it is.
+
+    Args:
+        model: The garment.
+        most: See above.
+        edges: Stiffnesses of edges, those of the material already limited, shape [m].
+        hinges: Of the corners of hinges that resist most, shape [h].
+    """
+    names = ("stretch_stiffness_warp", "stretch_stiffness_weft", "shear_stiffness")
+    values = {name: getattr(model.material, name) for name in names}
+    limits = [f"{n} counts as {most:.3g} N/m, not {v:g}" for n, v in values.items() if v > most]
+    for what, found in (("edges", edges), ("hinges", hinges)):
+        if (count := int((found > most).sum())) > 0:
+            limits.append(
+                f"{count} of {len(found)} {what}, in triangles narrow or small, are as stiff as "
+                f"{most:.3g} N/m, not up to {found.max():.3g}"
+            )
+    return tuple(limits)
+
+
+@dataclass(kw_only=True)
+class ImplicitWorkspace(Workspace):
+    """Scratch arrays, and what the material makes of the mesh.
+
+    Attributes:
+        sink: See `_WEIGHTS` [m].
+        lift: How far above a surface contacts are found [m].
+        cloth: Edges, hinges and the matrix.
+        hold: Contacts.
+        past: Steps of the minimisation.
+        ties: Soft attachments; None before the first step.
+        share: See `predict_with_share`, shape [free].
+        coast: Where particles would be without inner forces [m], shape [n, 3].
+        pull: Sum of the matrix's stiffnesses at each free particle [N/m], shape [free].
+        prepared_for: The sub-step [s] and rate of damping [1/s] that the matrix is for.
+        between: Poses at the start and end of the last sub-step; None before the first.
+    """
+
+    sink: float
+    lift: float
+    cloth: Cloth
+    hold: Hold
+    past: Past
+    ties: Ties | None
+    share: SingleArray
+    coast: SingleArray
+    pull: FloatArray
+    prepared_for: tuple[float, float]
+    between: tuple[ColliderPoses, ColliderPoses] | None
+
+    @classmethod
+    def room_for(cls, model: ClothModel, shapes: int) -> "ImplicitWorkspace":
+        """Arrays for a garment and a number of collider shapes."""
+        triangles = model.particle_triangles
+        rest, n = model.rest, model.free_count
+        extent = float(np.ptp(rest, axis=0).max())
+        most = stiffness_by_weight(model.material, extent, _HARDLY)
+        edges = model.springs.particles.reshape(-1, 2)[model.springs.bending :].astype(np.int32)
+        edges = edges[np.argsort(edges.min(axis=1), kind="stable")]
+        stiffness = edge_stiffness(rest, triangles, edges, no_stiffer(model.material, most))
+        bending = hinges(rest, triangles, model.material)
+        used = (bending.particles < n).any(axis=1) & (bending.stiffness > 0.0)
+        bending = Hinges(bending.particles[used], bending.weight[used], bending.stiffness[used])
+        steepest = (bending.weight**2).max(axis=1, initial=0.0)
+        limits = _limits(model, most, stiffness, bending.stiffness * steepest)
+        stiffness = np.minimum(stiffness, most)
+        soft = np.minimum(bending.stiffness, most / np.maximum(steepest, 1e-300))
+        bending = bending._replace(stiffness=soft)
+        bound = stiffness + bending_bound(
+            edges, bending.particles, bending.weight, bending.stiffness
+        )
+        inner = (edges < n).all(axis=1)
+        fronts = dissect(rest[:n], edges[inner])
+        column = np.concatenate([fronts.place, np.full(len(model) - n, n)]).astype(np.uint32)
+        pull = np.zeros(len(model))
+        np.add.at(pull, edges.ravel(), np.repeat(bound, 2))
+        return cls(
+            **{**vars(Workspace.room_for(model, shapes)), "limits": limits},
+            sink=_SINK * min(1.0, extent / _SMALL),
+            lift=_LIFT * min(1.0, extent / _SMALL),
+            cloth=Cloth(
+                edge_particles=np.ascontiguousarray(edges.ravel(), np.uint32),
+                edge_place=column[edges].ravel(),
+                rest_squared=((rest[edges[:, 0]] - rest[edges[:, 1]]) ** 2)
+                .sum(axis=1)
+                .astype(np.float32),
+                edge_stiffness=stiffness.astype(np.float32),
+                hinge_particles=np.ascontiguousarray(bending.particles),
+                hinge_place=column[bending.particles],
+                hinge_weight=bending.weight.astype(np.float32),
+                hinge_stiffness=bending.stiffness.astype(np.float32),
+                inertia=np.zeros(n, np.float32),
+                place=fronts.place,
+                fronts=fronts,
+                stiffness=bound[inner],
+                base=np.zeros(n),
+                diagonal=np.zeros(n),
+                changed=np.ones(len(fronts.parent), np.bool_),
+                front=np.zeros(fronts.widest**2),
+                update=np.zeros(int(fronts.update_start[-1])),
+                factor=np.zeros(int(fronts.factor_start[-1]), np.float32),
+                grip=np.zeros(n, np.float32),
+                clear=np.zeros((len(model), 3), np.float32),
+                scratch=np.zeros(fronts.widest, np.float32),
+            ),
+            hold=Hold(
+                grip=np.zeros(n, np.float32),
+                normal=np.zeros((n, 3), np.float32),
+                level=np.zeros(n, np.float32),
+                lever=np.zeros((n, 3), np.float32),
+                ride=np.zeros((n, 3), np.float32),
+            ),
+            past=Past.room_for(n),
+            ties=None,
+            share=np.ones(n, np.float32),
+            coast=np.zeros((len(model), 3), np.float32),
+            pull=pull[:n],
+            prepared_for=(0.0, 0.0),
+            between=None,
+        )
+
+    def prepare(self, model: ClothModel, dt: float, rate: float) -> Ties:
+        """The matrix for sub-steps of dt [s] and a rate of damping [1/s], unless it is."""
+        if self.ties is not None and self.prepared_for == (dt, rate):
+            return self.ties
+        cloth, mass = self.cloth, model.mass[: model.free_count]
+        cloth.inertia[:] = mass * ((1.0 + dt * rate) / dt**2)
+        cloth.base[cloth.place] = cloth.inertia + self.pull
+        cloth.grip[:] = mass * (GRAVITY * _WEIGHTS / self.sink)
+        cloth.changed[:] = True
+        self.prepared_for = (dt, rate)
+        self.ties = ties = Ties.of(self.attached)
+        column = cloth.place[ties.particle]
+        spring, damper = (self.attached.rate * model.mass[ties.particle, None]).T
+        stiffness = spring + damper / dt
+        ties.spring[:] = spring / np.maximum(stiffness, 1e-300)
+        ties.firm[:] = stiffness > _FIRM * cloth.base[column]
+        ties.pull[:] = np.minimum(stiffness, _FIRM * cloth.base[column])
+        np.add.at(
+            cloth.base, column, np.where(ties.firm, _FIRM**2 * cloth.base[column], ties.pull)
+        )
+        return ties

@@ -1,0 +1,1 @@
+"""The first paper's solver: Verlet steps and relaxed springs."""

@@ -1,0 +1,1 @@
+"""The extended position-based solver with small sub-steps."""

@@ -1,0 +1,253 @@
+"""Contact between two searches: against the tangent planes where particles touched.
+
+A search (`contact.collide`) costs more than the rest of a sub-step. Between two of them a
+particle that was in contact meets the plane through its place, across the normal found there,
+moving on as the shape moved. On the outside of a round shape the plane lies outside of it: a
+particle that slides lifts off by a few micrometres, and the next search puts it back.
+
+A search moves particles out along the normal where they are. Pulled deep into a round shape, as by
+edges of a pin in it, that is not where they touched: what moves them out also moves them sideways,
+which is work from nowhere. They come back to their planes first; without friction in loose cloth,
+which is pulled so only where it began in a shape and has to get free of it.
+"""
+
+import numpy as np
+
+from garment_sim_ros.jit import kernel
+
+_SHALLOW = np.float32(0.02)
+"""Up to this depth, in inner radii of a shape, the normal is still that of the surface above."""
+
+
+@kernel(forceinline=True)
+def remember_planes(x, x_start, shape, carry, place, ride):
+    """Keeps where particles touch and how the shape moves there.
+
+    Args:
+        x: Positions after the search [m], shape [n, 3].
+        x_start: Positions at the start of that sub-step [m], shape [n, 3].
+        shape: Shape that each touches, -1 for none, shape [n].
+        carry: How points move with the shapes in a sub-step, see `PosedShapes`, shape [m, 3, 4].
+        place: Output, a point of each plane [m], shape [n, 3].
+        ride: Output, how far the plane moves in a sub-step [m], shape [n, 3].
+    """
+    for p in range(shape.size):
+        c = shape[p]
+        if c >= 0:
+            for k in range(3):
+                place[p, k] = x[p, k]
+    ride_on(x_start, shape, carry, ride)
+
+
+@kernel(forceinline=True)
+def ride_on(x, shape, carry, ride):
+    """How far the planes of particles at x move in a sub-step; arguments as in `remember_planes`.
+
+    Shapes change their motion from one step to the next.
+    """
+    for p in range(shape.size):
+        c = shape[p]
+        if c >= 0:
+            for k in range(3):
+                ride[p, k] = (
+                    carry[c, k, 0] * x[p, 0]
+                    + carry[c, k, 1] * x[p, 1]
+                    + carry[c, k, 2] * x[p, 2]
+                    + carry[c, k, 3]
+                )
+
+
+@kernel(forceinline=True)
+def touch_planes(x, v, x_start, shape, normal, pressed, place, ride, friction, dt):
+    """Contact with the planes: friction and inelastic, as `contact.collide.collide` has it.
+
+    Args:
+        x: Positions, changed in place [m], shape [n, 3].
+        v: Velocities that led there, changed in place [m/s], shape [n, 3].
+        x_start: Positions at the start of the sub-step [m], shape [n, 3].
+        shape: Shape that each particle touched, -1 for none, shape [n].
+        normal: Outward normal there, shape [n, 3].
+        pressed: How deep it was [m], infinite where shapes press it from two sides: such a
+            particle has no slip, shape [n].
+        place: A point of each plane, moved on in place [m], shape [n, 3].
+        ride: How far the plane moves in a sub-step [m], shape [n, 3].
+        friction: Coulomb coefficient.
+        dt: Sub-step [s].
+    """
+    zero = np.float32(0.0)
+    rate = np.float32(1.0) / dt
+    for p in range(shape.size):
+        if shape[p] < 0:
+            continue
+        nx = normal[p, 0]
+        ny = normal[p, 1]
+        nz = normal[p, 2]
+        rx = ride[p, 0]
+        ry = ride[p, 1]
+        rz = ride[p, 2]
+        place[p, 0] += rx
+        place[p, 1] += ry
+        place[p, 2] += rz
+        if pressed[p] == np.float32(np.inf):
+            x[p, 0] = x_start[p, 0] + rx
+            x[p, 1] = x_start[p, 1] + ry
+            x[p, 2] = x_start[p, 2] + rz
+            v[p, 0] = rx * rate
+            v[p, 1] = ry * rate
+            v[p, 2] = rz * rate
+            continue
+        depth = (
+            (place[p, 0] - x[p, 0]) * nx
+            + (place[p, 1] - x[p, 1]) * ny
+            + (place[p, 2] - x[p, 2]) * nz
+        )
+        if depth > zero:
+            _lift(x, v, x_start, p, depth, nx, ny, nz, rx, ry, rz, friction, rate)
+
+
+@kernel(forceinline=True)
+def return_to_planes(
+    x, v, x_start, shape, normal, pressed, place, ride, inner_radius, friction, dt
+):
+    """Contact with the planes before a search, of what is deep below them; it stays shallow there.
+
+    Args:
+        x: As in `touch_planes`, as all but one of the others.
+        v: Likewise.
+        x_start: Likewise.
+        shape: Likewise.
+        normal: Likewise.
+        pressed: Likewise; what shapes press from two sides is left to the search.
+        place: Likewise, but not moved on.
+        ride: Likewise.
+        inner_radius: Of each shape, see `contact.sweep.Sweep` [m], shape [m].
+        friction: As in `touch_planes`.
+        dt: Likewise.
+    """
+    zero = np.float32(0.0)
+    rate = np.float32(1.0) / dt
+    for p in range(shape.size):
+        c = shape[p]
+        if c < 0 or pressed[p] == np.float32(np.inf):
+            continue
+        nx = normal[p, 0]
+        ny = normal[p, 1]
+        nz = normal[p, 2]
+        rx = ride[p, 0]
+        ry = ride[p, 1]
+        rz = ride[p, 2]
+        depth = (
+            (place[p, 0] + rx - x[p, 0]) * nx
+            + (place[p, 1] + ry - x[p, 1]) * ny
+            + (place[p, 2] + rz - x[p, 2]) * nz
+        ) - _SHALLOW * inner_radius[c]
+        if depth > zero:
+            _lift(x, v, x_start, p, depth, nx, ny, nz, rx, ry, rz, friction, rate)
+
+
+@kernel(forceinline=True)
+def _lift(x, v, x_start, p, depth, nx, ny, nz, rx, ry, rz, friction, rate):
+    """Moves particle p out by `depth` along n, with friction, at a surface that moves by r."""
+    zero = np.float32(0.0)
+    ux = x[p, 0] - x_start[p, 0] - rx
+    uy = x[p, 1] - x_start[p, 1] - ry
+    uz = x[p, 2] - x_start[p, 2] - rz
+    along = ux * nx + uy * ny + uz * nz
+    ux -= along * nx
+    uy -= along * ny
+    uz -= along * nz
+    slip = np.sqrt(ux * ux + uy * uy + uz * uz)
+    limit = friction * depth
+    held = np.float32(1.0) if slip <= limit else limit / slip
+    ux = depth * nx - held * ux
+    uy = depth * ny - held * uy
+    uz = depth * nz - held * uz
+    x[p, 0] += ux
+    x[p, 1] += uy
+    x[p, 2] += uz
+    vx = v[p, 0] + ux * rate
+    vy = v[p, 1] + uy * rate
+    vz = v[p, 2] + uz * rate
+    leaving = (vx - rx * rate) * nx + (vy - ry * rate) * ny + (vz - rz * rate) * nz
+    leaving = max(leaving, zero)
+    v[p, 0] = vx - leaving * nx
+    v[p, 1] = vy - leaving * ny
+    v[p, 2] = vz - leaving * nz
+
+
+@kernel(forceinline=True)
+def stop_at_contacts(x, v, x_start, x_before, shape, normal, depth, carry, friction, dt, motion):
+    """Velocities after a search: none into a shape, and less slip, by Coulomb's law.
+
+    Being moved out of a shape changes no velocity. A particle that could not go straight out is
+    pinched between shapes, and goes with the deepest.
+
+    Args:
+        x: Positions after the search [m], shape [n, 3].
+        v: Velocities before contact, changed in place [m/s], shape [n, 3].
+        x_start: Positions at the start of the sub-step [m], shape [n, 3].
+        x_before: Positions before the search [m], shape [n, 3].
+        shape: Shape that each particle touches, -1 for none, shape [n].
+        normal: Outward normal there, shape [n, 3].
+        depth: How deep it was [m], shape [n].
+        carry: How points move with the shapes in a sub-step, see `PosedShapes`, shape [m, 3, 4].
+        friction: Coulomb coefficient.
+        dt: Sub-step [s].
+        motion: Output, sum and maximum of squared speeds [m^2/s^2], shape [2].
+    """
+    zero = np.float32(0.0)
+    rate = np.float32(1.0) / dt
+    total = 0.0
+    fastest = zero
+    for p in range(shape.size):
+        c = shape[p]
+        vx = v[p, 0]
+        vy = v[p, 1]
+        vz = v[p, 2]
+        if c >= 0:
+            sx = x_start[p, 0]
+            sy = x_start[p, 1]
+            sz = x_start[p, 2]
+            nx = normal[p, 0]
+            ny = normal[p, 1]
+            nz = normal[p, 2]
+            ux = vx - rate * (
+                carry[c, 0, 0] * sx + carry[c, 0, 1] * sy + carry[c, 0, 2] * sz + carry[c, 0, 3]
+            )
+            uy = vy - rate * (
+                carry[c, 1, 0] * sx + carry[c, 1, 1] * sy + carry[c, 1, 2] * sz + carry[c, 1, 3]
+            )
+            uz = vz - rate * (
+                carry[c, 2, 0] * sx + carry[c, 2, 1] * sy + carry[c, 2, 2] * sz + carry[c, 2, 3]
+            )
+            out = (
+                (x[p, 0] - x_before[p, 0]) * nx
+                + (x[p, 1] - x_before[p, 1]) * ny
+                + (x[p, 2] - x_before[p, 2]) * nz
+            )
+            along = ux * nx + uy * ny + uz * nz
+            if out < np.float32(0.5) * depth[p]:
+                vx -= ux
+                vy -= uy
+                vz -= uz
+                v[p, 0] = vx
+                v[p, 1] = vy
+                v[p, 2] = vz
+            elif along < zero:
+                ux -= along * nx
+                uy -= along * ny
+                uz -= along * nz
+                slip = np.sqrt(ux * ux + uy * uy + uz * uz)
+                limit = -friction * along
+                held = np.float32(1.0) if slip <= limit else limit / slip
+                vx -= along * nx + held * ux
+                vy -= along * ny + held * uy
+                vz -= along * nz + held * uz
+                v[p, 0] = vx
+                v[p, 1] = vy
+                v[p, 2] = vz
+        speed = vx * vx + vy * vy + vz * vz
+        total += speed
+        fastest = max(fastest, speed)
+    motion[0] = total
+    motion[1] = fastest

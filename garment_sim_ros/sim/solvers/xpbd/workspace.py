@@ -1,0 +1,235 @@
+"""What an `xpbd` step keeps of a garment, and what its kernels are given."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.geometry.locality import order_by_part, part_starts
+from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
+from garment_sim_ros.sim.model import ClothModel
+from garment_sim_ros.sim.solvers.xpbd.coarse import (
+    CoarseLevel,
+    Threads,
+    coarse_level,
+    prepare_cells,
+)
+from garment_sim_ros.sim.solvers.xpbd.edges import prepare_edges
+from garment_sim_ros.sim.solvers.xpbd.hinges import prepare_hinges
+from garment_sim_ros.sim.solvers.xpbd.order import inward_order
+from garment_sim_ros.sim.solvers.xpbd.sub_steps import run_sub_steps
+from garment_sim_ros.sim.state import Workspace
+
+FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
+IntArray = NDArray[np.int32]
+IndexArray = NDArray[np.uint32]
+
+_SWING = np.pi / 3
+"""The farthest that hinges, by themselves, may swing from one pass to the next [rad]."""
+
+
+class Prepared(NamedTuple):
+    """Edges and hinges as a sub-step needs them.
+
+    Attributes:
+        edge_particles: Ends of the edges, flat, in the order of a pass, shape [2 m].
+        edges: See `solvers.xpbd.edges.prepare_edges`, shape [m, 4].
+        pull: Scratch of several passes, shape [m].
+        hinge_particles: Particles of the hinges, shape [h, 4].
+        hinges: See `solvers.xpbd.hinges.prepare_hinges`, shape [h, 8].
+    """
+
+    edge_particles: IndexArray
+    edges: SingleArray
+    pull: SingleArray
+    hinge_particles: IntArray
+    hinges: SingleArray
+
+
+class Parts(NamedTuple):
+    """Where `Prepared` edges and hinges of each part of a large garment start.
+
+    Attributes:
+        edges: Those within each part, then those between parts, shape [parts + 2].
+        hinges: The same.
+    """
+
+    edges: IntArray
+    hinges: IntArray
+
+
+@dataclass(kw_only=True)
+class XpbdWorkspace(Workspace):
+    """Scratch arrays, and what the material makes of the mesh.
+
+    Attributes:
+        rest_squared: Squared rest lengths of the edges [m^2], shape [m].
+        stiffness: Their stiffnesses [N/m], shape [m].
+        extent: Of the garment at rest, the largest [m].
+        hinge_weight: Weights of the hinges' curvature, shape [h, 4].
+        hinge_stiffness: Their stiffnesses [N/m], shape [h].
+        hinge_rate: Angular frequencies at which they swing by themselves [1/s], shape [h].
+        prepared: What the sub-steps need, for one length of them.
+        coarse: A coarse level of the edges, for the same, where it is asked for.
+        threads: What it is made of; None where there is none.
+        parts: What of it threads can share.
+        prepared_for: That length [s], the rate of damping [1/s], the sub-steps for each search for
+            contacts, whether there is a coarse level, and the sub-steps of a step.
+        bending_every: Sub-steps for each pass over the hinges, see `prepare`.
+        place: Points of the planes in which particles touch shapes [m], shape [free, 3].
+        ride: How far those move in a sub-step [m], shape [free, 3].
+        x_end: Positions at the end of the last step [m], shape [n, 3].
+        low: What these are short of by rounding [m], shape [3 free].
+        push_all: Velocity that outer forces and bending add in a sub-step [m/s], shape [3 free].
+        between: Poses at the start and end of one sub-step; None until colliders are known.
+        last_search: Positions of particles at the last search for contacts, where they would
+            coast to, poses of colliders then, and the shapes posed for the time since; None until
+            colliders are known.
+        flags: Whether a step is fast, shapes stand still and contacts are known, and how many
+            particles touch, shape [4].
+        code: Machine code of the sub-steps, where they are called one by one.
+        code_for: Whether threads share them and whether there are points between particles.
+    """
+
+    rest_squared: FloatArray
+    stiffness: FloatArray
+    extent: float
+    hinge_weight: FloatArray
+    hinge_stiffness: FloatArray
+    hinge_rate: FloatArray
+    prepared: Prepared
+    coarse: CoarseLevel
+    threads: Threads | None
+    parts: Parts
+    prepared_for: tuple[float, float, int, bool, int]
+    bending_every: int
+    place: SingleArray
+    ride: SingleArray
+    x_end: SingleArray
+    low: SingleArray
+    push_all: SingleArray
+    between: tuple[Any, ...] | None
+    last_search: tuple[Any, ...] | None
+    flags: IntArray
+    code: Callable[..., int]
+    code_for: tuple[bool, bool] | None
+
+    @classmethod
+    def room_for(cls, model: ClothModel, shapes: int) -> "XpbdWorkspace":
+        """Arrays for a garment and a number of collider shapes."""
+        triangles = model.particle_triangles
+        springs = model.springs
+        edges = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
+        edges = edges[inward_order(edges, triangles, model.free_count)]
+        parts = part_starts(model.free_count)
+        by_part, edge_start = order_by_part(edges, parts)
+        edges = edges[by_part]
+        rest, weight = model.rest, model.inverse_mass
+        bending = hinges(rest, triangles, model.material)
+        used = np.flatnonzero(
+            (weight[bending.particles].sum(axis=1) > 0.0) & (bending.stiffness > 0.0)
+        )
+        by_part, hinge_start = order_by_part(bending.particles[used], parts)
+        used = used[by_part]
+        m, h = len(edges), len(used)
+        lightness = (weight[bending.particles[used]] * bending.weight[used] ** 2).sum(axis=1)
+        rest_squared = ((rest[edges[:, 0]] - rest[edges[:, 1]]) ** 2).sum(axis=1)
+        return cls(
+            **vars(Workspace.room_for(model, shapes)),
+            rest_squared=rest_squared,
+            extent=float(np.ptp(rest, axis=0).max()),
+            stiffness=edge_stiffness(rest, triangles, edges, model.material),
+            hinge_weight=np.ascontiguousarray(bending.weight[used]),
+            hinge_stiffness=np.ascontiguousarray(bending.stiffness[used]),
+            hinge_rate=np.sqrt(bending.stiffness[used] * lightness),
+            prepared=Prepared(
+                edge_particles=np.ascontiguousarray(edges.ravel(), np.uint32),
+                edges=np.zeros((m, 4), np.float32),
+                pull=np.zeros(m, np.float32),
+                hinge_particles=np.ascontiguousarray(bending.particles[used]),
+                hinges=np.zeros((h, 8), np.float32),
+            ),
+            coarse=CoarseLevel.none(),
+            threads=None,
+            parts=Parts(edges=edge_start, hinges=hinge_start),
+            prepared_for=(0.0, 0.0, 0, False, 0),
+            bending_every=1,
+            place=np.zeros((model.free_count, 3), np.float32),
+            ride=np.zeros((model.free_count, 3), np.float32),
+            x_end=np.full((len(model), 3), np.nan, np.float32),
+            low=np.zeros(3 * model.free_count, np.float32),
+            push_all=np.zeros(3 * model.free_count, np.float32),
+            between=None,
+            last_search=None,
+            flags=np.zeros(4, np.int32),
+            code=run_sub_steps,
+            code_for=None,
+        )
+
+    def prepare(
+        self,
+        model: ClothModel,
+        dt: float,
+        rate: float,
+        search_every: int,
+        coarse: bool = False,
+        count: int = 0,
+    ) -> None:
+        """Fills `prepared` and `coarse` for sub-steps, unless they are.
+
+        What a pass over the hinges gives them acts until the next one. What edges and contact do
+        meanwhile it does not know: against these it is an explicit force, and stiff hinges would
+        shake. They have passes more often, up to one in every sub-step, together with the edges.
+        Where even that is too seldom, single hinges are taken as the stiffest for which it is not.
+        That leaves at least half of what they resist with: the force of one pass is that which
+        brings a hinge back in the sub-step, or less. But passes that bring all hinges back all of
+        the way, one after the other, bend some of them to and fro for good.
+
+        Args:
+            model: The garment.
+            dt: Sub-step [s].
+            rate: Of damping [1/s].
+            search_every: Sub-steps for each search for contacts; hinges that are not stiff have a
+                pass as often.
+            coarse: Whether there shall be a coarse level.
+            count: Sub-steps in a step; a whole number of passes fits into them.
+        """
+        prepared_for = (dt, rate, search_every, coarse, count)
+        if self.prepared_for == prepared_for:
+            return
+        ready = self.prepared
+        prepare_edges(
+            ready.edge_particles,
+            self.stiffness,
+            model.inverse_mass,
+            self.rest_squared,
+            1.0 / (1.0 + dt * rate),
+            dt,
+            ready.edges,
+        )
+        if coarse != self.prepared_for[3]:
+            edges = ready.edge_particles.reshape(-1, 2).astype(np.int32)
+            level = coarse_level(model, edges) if coarse else None
+            self.coarse, self.threads = level or (CoarseLevel.none(), None)
+        if self.threads is not None:
+            keep = 1.0 / (1.0 + dt * rate)
+            prepare_cells(self.coarse, self.threads, keep, dt)
+        fastest = float(self.hinge_rate.max(initial=0.0))
+        whole = count or search_every
+        divisors = (n for n in range(search_every, 1, -1) if whole % n == 0)
+        self.bending_every = next((n for n in divisors if n * dt * fastest <= _SWING), 1)
+        time = dt * self.bending_every
+        swing = np.maximum(time * self.hinge_rate, _SWING)
+        prepare_hinges(
+            ready.hinge_particles,
+            self.hinge_weight,
+            self.hinge_stiffness * (_SWING / swing) ** 2,
+            model.inverse_mass,
+            1.0 / (1.0 + time * rate),
+            time,
+            ready.hinges,
+        )
+        self.prepared_for = prepared_for

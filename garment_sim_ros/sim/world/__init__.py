@@ -1,0 +1,1 @@
+"""What surrounds the garments: wind, root motion, collider motion, teleports."""

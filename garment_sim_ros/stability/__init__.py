@@ -1,0 +1,1 @@
+"""The extremes: scenes, judge and map."""

@@ -1,0 +1,103 @@
+"""The stability map as a table and a picture."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from PIL import Image, ImageDraw, ImageFont
+
+from garment_sim_ros.stability.judge import Outcome
+
+_COLORS = {
+    "holds": (86, 156, 112),
+    "refused": (150, 170, 190),
+    "inaccurate": (228, 178, 84),
+    "broken": (196, 78, 72),
+}
+_BROKEN = ("not finite", "out of bounds", "reset", "mended", "energy grows")
+_ROW, _CELL, _LABEL, _MARGIN = 22, 150, 330, 16
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One cell with every solver.
+
+    Attributes:
+        extreme: What was driven to an extreme.
+        value: How far.
+        outcomes: What came of it, a solver each.
+    """
+
+    extreme: str
+    value: str
+    outcomes: dict[str, Outcome]
+
+
+def grade(outcome: Outcome) -> str:
+    """How bad it is: a key of the colours in the picture."""
+    if outcome.refused:
+        return "refused"
+    if not outcome.faults:
+        return "holds"
+    return "broken" if any(f in _BROKEN for f in outcome.faults) else "inaccurate"
+
+
+def words(outcome: Outcome) -> str:
+    """What a cell of the table says."""
+    if outcome.refused:
+        return "refused"
+    return ", ".join(outcome.faults) or "holds"
+
+
+def table(rows: Sequence[Row]) -> str:
+    """A Markdown table."""
+    solvers = list(rows[0].outcomes)
+    lines = [f"| Extreme | Value | {' | '.join(solvers)} |", "|---" * (2 + len(solvers)) + "|"]
+    last = ""
+    for row in rows:
+        said = " | ".join(words(row.outcomes[s]) for s in solvers)
+        lines.append(f"| {'' if row.extreme == last else row.extreme} | {row.value} | {said} |")
+        last = row.extreme
+    held = [sum(not row.outcomes[s].faults for row in rows) for s in solvers]
+    lines.append(f"| **held** | of {len(rows)} | {' | '.join(map(str, held))} |")
+    return "\n".join(lines) + "\n"
+
+
+def picture(rows: Sequence[Row], path: Path) -> None:
+    """Draws the map.
+
+    Args:
+        rows: The cells.
+        path: PNG to write.
+    """
+    solvers = list(rows[0].outcomes)
+    width = _LABEL + _CELL * len(solvers) + 2 * _MARGIN
+    height = _ROW * (len(rows) + 2) + 2 * _MARGIN
+    image = Image.new("RGB", (width, height), (250, 250, 248))
+    draw = ImageDraw.Draw(image)
+    font = ImageFont.load_default(13)
+    ink = (40, 44, 48)
+    for k, solver in enumerate(solvers):
+        draw.text((_MARGIN + _LABEL + k * _CELL + 8, _MARGIN), solver, ink, font)
+    last = ""
+    for n, row in enumerate(rows):
+        y = _MARGIN + _ROW * (n + 1)
+        if row.extreme != last:
+            draw.line((_MARGIN, y, width - _MARGIN, y), (205, 205, 200))
+            draw.text((_MARGIN, y + 3), row.extreme, ink, font)
+            last = row.extreme
+        draw.text((_MARGIN + 140, y + 3), row.value, ink, font)
+        for k, solver in enumerate(solvers):
+            x = _MARGIN + _LABEL + k * _CELL
+            outcome = row.outcomes[solver]
+            draw.rectangle((x + 2, y + 2, x + _CELL - 3, y + _ROW - 2), _COLORS[grade(outcome)])
+            text = words(outcome)
+            while draw.textlength(text, font) > _CELL - 16:
+                text = text[:-2] + "…" if text.endswith("…") else text[:-1] + "…"
+            draw.text((x + 8, y + 3), text, (255, 255, 255), font)
+    y = _MARGIN + _ROW * (len(rows) + 1) + 4
+    for k, (name, color) in enumerate(_COLORS.items()):
+        x = _MARGIN + k * 120
+        draw.rectangle((x, y + 2, x + 14, y + 14), color)
+        draw.text((x + 20, y), name, ink, font)
+    image.save(path)

@@ -1,0 +1,1 @@
+"""Naive float64 twins of the kernels."""

@@ -1,0 +1,260 @@
+"""Rules of contact again, in float64 and one particle at a time; nothing but tests runs this.
+
+`contact.sweep.sweep`, `contact.pinch.stay_between`, `sample_points.meet_between` and
+`solvers.xpbd.planes`. Shapes are spheres and capsules, see `naive.signed_distance`.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from naive.naive import Shape, signed_distance
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+Meeting = tuple[FloatArray, IntArray, FloatArray]
+"""Positions of points after contact [s, 3], the shape that each touches or -1 [s], and normals."""
+
+
+def ridden(carry: FloatArray, place: FloatArray) -> FloatArray:
+    """How far a point that rides a shape moves, from the shape's carry [3, 4]."""
+    return np.asarray(carry[:, :3] @ place + carry[:, 3])
+
+
+def entry(
+    shape: Shape, start: FloatArray, way: FloatArray, inner: float, thickness: float
+) -> tuple[float, FloatArray] | None:
+    """The part of a way at which it enters an inflated shape, and the direction out there.
+
+    In steps as long as the distance; not shorter than a fifth of `inner` or a 64th of the way.
+    """
+    length = float(np.linalg.norm(way))
+    shortest = max(0.2 * inner, length / 64)
+    gone = 0.0
+    while gone == 0.0 or gone < length:
+        distance, normal = signed_distance(shape, start + gone / length * way)
+        distance -= thickness
+        if gone == 0.0 and distance < -0.5 * inner:
+            return None
+        if distance <= 0.0 and way @ normal < 0.0:
+            return gone / length, normal
+        gone += max(distance, shortest)
+    return None
+
+
+def sweep(
+    shapes: Sequence[Shape],
+    carry: FloatArray,
+    inner_radius: FloatArray,
+    is_under: NDArray[np.bool_],
+    x: FloatArray,
+    x_start: FloatArray,
+    x_coast: FloatArray,
+    thickness: float,
+) -> FloatArray:
+    """Positions [n, 3] of particles that no shape under them [m, n] has passed.
+
+    Nothing is said of pairs where neither the shape nor the particle, by itself, is fast.
+    """
+    x = np.array(x, dtype=np.float64)
+    for p, start in enumerate(np.asarray(x_start, np.float64)):
+        last = -1
+        for _ in range(4):
+            entries = []
+            for k, shape in enumerate(shapes):
+                begin = start + ridden(carry[k], start)
+                way = x[p] - begin
+                length = float(np.linalg.norm(way))
+                inner = float(inner_radius[k]) + thickness
+                rode, coasted = np.linalg.norm([begin - start, x_coast[p] - begin], axis=1)
+                if (
+                    k == last
+                    or not is_under[k, p]
+                    or min(length, max(rode, coasted)) <= 0.5 * inner
+                ):
+                    continue
+                found = entry(shape, begin, way, inner, thickness)
+                if found and (1.0 - found[0]) * length > 0.5 * inner:
+                    entries.append((found[0], k, found[1], begin, way, inner))
+            if not entries:
+                break
+            t, last, normal, begin, way, inner = min(entries, key=lambda e: e[0])
+            deep = max(float((1.0 - t) * way @ normal), -0.25 * inner)
+            x[p] = begin + t * way + deep * normal
+    return x
+
+
+def stay_between(
+    shapes: Sequence[Shape],
+    place: FloatArray,
+    start: FloatArray,
+    thickness: float,
+    rounding: float,
+) -> tuple[FloatArray, bool]:
+    """Where a particle stays that shapes press from two sides, and whether they do.
+
+    Args:
+        shapes: Those that press.
+        place: Where contact left it [m], shape [3].
+        start: Where it would be, had it ridden the deepest shape [m], shape [3].
+        thickness: Distance to keep from the surfaces [m].
+        rounding: What distances may be wrong by [m].
+    """
+    reach = thickness + min(float(np.linalg.norm(place - start)), thickness) + rounding
+    at = np.array(start, dtype=np.float64)
+    for attempt in range(6):
+        found = [signed_distance(shape, at) for shape in shapes]
+        d1, a = min(found, key=lambda f: f[0])
+        facing = [f for f in found if f[1] @ a < 0.0 and f[0] <= reach]
+        if not facing and attempt == 0:
+            return np.asarray(place), False
+        first = thickness - d1
+        if first <= rounding:
+            break
+        if not facing:
+            at += first * a
+            continue
+        d2, b = min(facing, key=lambda f: f[0])
+        second, cosine = thickness - d2, float(a @ b)
+        if second - first * cosine <= rounding:
+            at += first * a
+            continue
+        # The crease: both planes at once; nowhere near where they are almost parallel.
+        square = max(1.0 - cosine**2, 1e-6)
+        s, t = (first - cosine * second) / square, (second - cosine * first) / square
+        if np.linalg.norm(s * a + t * b) > 4.0 * first:
+            s = (first - second) / (2.0 - 2.0 * cosine)
+            t = -s
+        at += s * a + t * b
+        if abs(s) + abs(t) < rounding:
+            break
+    return at, True
+
+
+def meet_between(
+    x: FloatArray,
+    corner: IntArray,
+    weight: FloatArray,
+    inverse_mass: FloatArray,
+    touched: IntArray,
+    depth: FloatArray,
+    meet: Callable[[FloatArray], Meeting],
+) -> None:
+    """Points between particles meet shapes; changes x [n, 3], and contacts that were none.
+
+    Args:
+        x: Positions [m], shape [n, 3].
+        corner: Particles that each point lies between, shape [s, 3].
+        weight: Their weights there, shape [s, 3].
+        inverse_mass: 0 for what is pinned, shape [n].
+        touched: Shape that each particle touches, -1 for none, shape [n].
+        depth: How deep each was [m], shape [n].
+        meet: What contact makes of the points' positions.
+    """
+    end, found, normal = meet(np.einsum("sk,ski->si", weight, x[corner]))
+    for s in np.flatnonzero(np.asarray(found) >= 0):
+        part: dict[int, float] = {}
+        for i, w in zip(corner[s].tolist(), weight[s].tolist()):
+            part[i] = part.get(i, 0.0) + w
+        way = end[s] - sum(w * x[i] for i, w in part.items())
+        if way @ normal[s] <= 0.0:
+            continue
+        lever = sum(w * w * inverse_mass[i] for i, w in part.items())
+        for i, w in part.items():
+            share = w * inverse_mass[i] / lever
+            if inverse_mass[i] > 0.0:
+                x[i] += share * way
+                if touched[i] < 0:
+                    touched[i] = found[s]
+                    depth[i] = share * way @ normal[s]
+
+
+def held_back(slip: FloatArray, most: float) -> FloatArray:
+    """As much of a slip as friction takes away, which is `most` at most."""
+    length = float(np.linalg.norm(slip))
+    return slip if length <= most else slip * (most / length)
+
+
+def touch_plane(
+    x: FloatArray,
+    v: FloatArray,
+    x_start: FloatArray,
+    place: FloatArray,
+    ride: FloatArray,
+    normal: FloatArray,
+    is_pressed: bool,
+    friction: float,
+    dt: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Position and velocity of a particle after contact with a plane that rode to `place`."""
+    if is_pressed:
+        return x_start + ride, ride / dt
+    depth = float((place - x) @ normal)
+    if depth <= 0.0:
+        return x, v
+    slip = x - x_start - ride
+    slip = slip - (slip @ normal) * normal
+    move = depth * normal - held_back(slip, friction * depth)
+    v = v + move / dt
+    leaving = max(float((v - ride / dt) @ normal), 0.0)
+    return x + move, v - leaving * normal
+
+
+def return_to_plane(
+    x: FloatArray,
+    v: FloatArray,
+    x_start: FloatArray,
+    place: FloatArray,
+    ride: FloatArray,
+    normal: FloatArray,
+    inner_radius: float,
+    friction: float,
+    dt: float,
+) -> tuple[FloatArray, FloatArray]:
+    """The same before a search, to 2 % of the shape's inner radius below the plane."""
+    below = place - 0.02 * inner_radius * normal
+    return touch_plane(x, v, x_start, below, ride, normal, False, friction, dt)
+
+
+def stop_at_contact(
+    v: FloatArray,
+    way_out: FloatArray,
+    surface: FloatArray,
+    normal: FloatArray,
+    depth: float,
+    friction: float,
+) -> FloatArray:
+    """Velocity of a particle that a search moved by `way_out`, at a surface of that velocity."""
+    if way_out @ normal < 0.5 * depth:
+        return surface
+    relative = v - surface
+    along = float(relative @ normal)
+    if along >= 0.0:
+        return v
+    slip = relative - along * normal
+    return v - along * normal - held_back(slip, -friction * along)
+
+
+def leave_sphere(
+    x: FloatArray,
+    x_start: FloatArray,
+    ride: FloatArray,
+    sphere: Shape,
+    gap: float,
+    friction: float,
+) -> tuple[FloatArray, FloatArray, float]:
+    """Position after contact with one sphere, the direction out, and how deep it was.
+
+    Slip is taken away first, by Coulomb's law with how far the particle came towards the surface
+    in the step; then it goes the short way out.
+    """
+    distance, normal = signed_distance(sphere, x)
+    depth = gap - distance
+    if depth <= 0.0:
+        return x, normal, depth
+    relative = x - x_start - ride
+    along = float(relative @ normal)
+    x = x - held_back(relative - along * normal, friction * min(depth, max(-along, 0.0)))
+    distance, out = signed_distance(sphere, x)
+    return x + max(gap - distance, 0.0) * out, normal, depth
