@@ -2,7 +2,9 @@
 
 Penetration and gap are signed distances to the true skin, not to the colliders that the cloth
 was simulated against; penetration is taken at particles, edge midpoints and triangle centres,
-since cloth may cut through skin between its particles.
+since cloth may cut through skin between its particles. `inside` is the share of a garment's area
+that is deeper than 2 mm in the skin: percentiles of the depth cannot see a patch of half a
+percent.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,6 +19,9 @@ from garment_sim_ros.geometry.topology import mesh_topology
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
+DEEP = 0.002
+"""Depth in the skin from which on cloth counts as inside [m]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class GarmentMesh:
@@ -26,21 +31,45 @@ class GarmentMesh:
         triangles: Vertex indices, shape [t, 3].
         edges: Vertex indices, shape [e, 2].
         rest_length: Lengths of the edges at rest [m], shape [e].
+        rest_area: Areas of the triangles at rest [m^2], shape [t].
+        samples_of_triangle: Which `samples` lie on each triangle, shape [t, 7].
     """
 
     triangles: IntArray
     edges: IntArray
     rest_length: FloatArray
+    rest_area: FloatArray
+    samples_of_triangle: IntArray
 
     @classmethod
     def from_rest(cls, vertices: FloatArray, triangles: IntArray) -> "GarmentMesh":
         """From the rest shape, shape [v, 3] and [t, 3]."""
         edges = mesh_topology(triangles).edges
-        return cls(triangles=triangles, edges=edges, rest_length=_lengths(vertices, edges))
+        v, e = len(vertices), len(edges)
+        number = {(min(i, j), max(i, j)): k for k, (i, j) in enumerate(edges.tolist())}
+        sides = [
+            [number[min(i, j), max(i, j)] for i, j in ((a, b), (b, c), (c, a))]
+            for a, b, c in triangles.tolist()
+        ]
+        side = np.array(sides, np.int32).reshape(-1, 3)
+        middle = np.arange(len(triangles), dtype=np.int32)[:, None]
+        a, b, c = np.moveaxis(vertices[triangles], 1, 0)
+        return cls(
+            triangles=triangles,
+            edges=edges,
+            rest_length=_lengths(vertices, edges),
+            rest_area=0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1),
+            samples_of_triangle=np.concatenate([triangles, v + side, v + e + middle], axis=1),
+        )
 
     def samples(self, x: FloatArray) -> FloatArray:
         """Particles, edge midpoints and triangle centres [m], shape [v + e + t, 3]."""
         return np.concatenate([x, x[self.edges].mean(axis=1), x[self.triangles].mean(axis=1)])
+
+    def inside(self, distance: FloatArray) -> float:
+        """Share of the area at rest that is inside of the skin, by the samples' distances [m]."""
+        deep = (distance < -DEEP)[self.samples_of_triangle].mean(axis=1)
+        return float(deep @ self.rest_area / self.rest_area.sum())
 
     def strain(self, x: FloatArray) -> FloatArray:
         """Extension of the edges, as a fraction of their rest length, shape [e]."""
@@ -67,6 +96,7 @@ class ClothMeter:
         self._penetration: list[NDArray[np.float32]] = []
         self._gap: list[NDArray[np.float32]] = []
         self._strain: list[NDArray[np.float32]] = []
+        self._inside: list[float] = []
         self._finite = True
 
     def add(self, skin: FloatArray, garments: Mapping[str, FloatArray]) -> None:
@@ -83,6 +113,7 @@ class ClothMeter:
                 self._finite = False
                 continue
             distance = self._skin.signed_distance(mesh.samples(x))[0]
+            self._inside.append(mesh.inside(distance))
             self._penetration.append(np.maximum(-distance, 0.0).astype(np.float32))
             self._gap.append(distance[: len(x)].astype(np.float32))
             self._strain.append(mesh.strain(x).astype(np.float32))
@@ -92,6 +123,8 @@ class ClothMeter:
         return {
             "penetration_mm_p99": _statistic(self._penetration, 99.0, 1e3),
             "penetration_mm_max": _statistic(self._penetration, 100.0, 1e3),
+            "inside_p99": _statistic([np.array(self._inside, np.float32)], 99.0, 1.0),
+            "inside_median": _statistic([np.array(self._inside, np.float32)], 50.0, 1.0),
             "gap_mm_median": _statistic(self._gap, 50.0, 1e3),
             "strain_p95": _statistic(self._strain, 95.0, 1.0),
             "strain_max": _statistic(self._strain, 100.0, 1.0),
@@ -100,9 +133,10 @@ class ClothMeter:
 
 
 def _statistic(parts: Sequence[NDArray[np.float32]], percent: float, scale: float) -> float | None:
-    if not parts:
+    values = np.concatenate(parts) if parts else np.zeros(0)
+    if not len(values):
         return None
-    return round(scale * float(np.percentile(np.concatenate(parts), percent)), 4)
+    return round(scale * float(np.percentile(values, percent)), 4)
 
 
 def _lengths(x: FloatArray, edges: IntArray) -> FloatArray:

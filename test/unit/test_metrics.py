@@ -68,6 +68,26 @@ def test_nan_is_reported_and_spoils_nothing_else(body):
     assert np.isfinite(meter.result()["penetration_mm_max"])
 
 
+def test_inside_is_the_share_of_the_area_that_is_deep_in_the_skin(body):
+    # A sphere as cloth: above a plane through the ball it is outside, below it is 5 mm deep.
+    fine = trimesh.creation.icosphere(subdivisions=5, radius=0.31)
+    vertices, triangles = np.asarray(fine.vertices), fine.faces.astype(np.int32)
+    sunk = vertices * np.where(vertices[:, 2:] < 0.31 * 0.8, 1.0, 0.295 / 0.31)
+    mesh = GarmentMesh.from_rest(vertices, triangles)
+    meter = ClothMeter(*body, {"shirt": mesh})
+    meter.add(body[0], {"shirt": vertices})
+    meter.add(body[0], {"shirt": sunk})
+    meter.add(body[0], {"shirt": vertices})
+    cap = (1.0 - 0.8) / 2.0
+    assert meter.result()["inside_median"] == 0.0
+    assert meter.result()["inside_p99"] == pytest.approx(0.98 * cap, rel=0.06)
+    # 1 mm deep is not inside.
+    meter = ClothMeter(*body, {"shirt": mesh})
+    meter.add(body[0], {"shirt": vertices * 0.2995 / 0.31})
+    assert meter.result()["inside_p99"] == 0.0
+    assert meter.result()["penetration_mm_max"] > 0.3
+
+
 def test_nothing_measured_gives_none(body):
     assert ClothMeter(*body, {}).result()["penetration_mm_max"] is None
 

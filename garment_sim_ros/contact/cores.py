@@ -1,0 +1,130 @@
+"""Cores of body parts: the segments that no garment may be cut by.
+
+The core of a shape is the middle 70 % of its long axis. Where it runs through a garment, the body
+part has cloth on both of its sides. Spheres have none.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
+from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.geometry.transforms import matrix_from_quaternion
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+_MIDDLE = 0.7
+"""Share of the long axis that counts as core."""
+_FEWEST = 20
+"""Points that a shape without a long axis of its own needs to have a core."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cores:
+    """Cores of a collider set, and the convex solids among its shapes.
+
+    Attributes:
+        collider: Collider that carries each core, shape [c].
+        bone: Its bone, c names.
+        ends: Both ends in the collider's own frame [m], shape [c, 2, 3].
+        solid_collider: Collider that carries each solid, shape [s].
+        solid_bone: Its bone, s names.
+        planes: Outward unit normals and offsets of all solids in their own frames, so that
+            ``n x + d <= 0`` is inside, shape [p, 4].
+        plane_start: First plane of each solid and the end, shape [s + 1].
+        same_bone: Whether a core and a solid are on one bone, shape [c, s].
+    """
+
+    collider: IntArray
+    bone: tuple[str, ...]
+    ends: FloatArray
+    solid_collider: IntArray
+    solid_bone: tuple[str, ...]
+    planes: FloatArray
+    plane_start: IntArray
+    same_bone: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, colliders: ColliderSet) -> "Cores":
+        """The cores of a set; hulls, grids and skins are solids, too."""
+        ends: list[FloatArray] = []
+        carrier: list[int] = []
+        solids: list[int] = []
+        planes: list[FloatArray] = []
+        for i, c in enumerate(colliders.colliders):
+            if c.kind == "capsule":
+                z = float(c.geometry["length"]) * (0.5 + 0.5 * _MIDDLE * np.array([-1.0, 1.0]))  # type: ignore[arg-type]
+                ends.append(z[:, None] * [0.0, 0.0, 1.0])
+                carrier.append(i)
+            elif c.kind == "ellipsoid":
+                radii = np.asarray(c.geometry["radii"], np.float64)
+                half = _MIDDLE * radii.max() * np.eye(3)[int(radii.argmax())]
+                ends.append(np.stack([-half, half]))
+                carrier.append(i)
+        for i, points in _clouds(colliders):
+            ends.append(_middle(points))
+            carrier.append(i)
+            solids.append(i)
+            planes.append(ConvexHull(points).equations)
+        order = np.argsort(carrier, kind="stable")
+        bone = [c.bone for c in colliders.colliders]
+        core_bone = tuple(bone[carrier[k]] for k in order)
+        solid_bone = tuple(bone[i] for i in solids)
+        return cls(
+            collider=np.array([carrier[k] for k in order], np.int32),
+            bone=core_bone,
+            ends=np.array([ends[k] for k in order]).reshape(-1, 2, 3),
+            solid_collider=np.array(solids, np.int32),
+            solid_bone=solid_bone,
+            planes=np.concatenate([*planes, np.zeros((0, 4))]),
+            plane_start=np.cumsum([0, *map(len, planes)], dtype=np.int32),
+            same_bone=np.array(core_bone)[:, None] == np.array(solid_bone),
+        )
+
+    def posed(self, poses: ColliderPoses) -> FloatArray:
+        """Ends of the cores in the world [m], shape [c, 2, 3]."""
+        R = matrix_from_quaternion(poses.orientation[self.collider])
+        return np.einsum("cij,cej->cei", R, self.ends) + poses.position[self.collider, None]
+
+
+def _middle(points: FloatArray) -> FloatArray:
+    """The middle of the long axis of points, as a segment, shape [2, 3]."""
+    centre = points.mean(axis=0)
+    axis = np.linalg.svd(points - centre, full_matrices=False)[2][0]
+    along = (points - centre) @ axis
+    return centre + _MIDDLE * np.array([[along.min()], [along.max()]]) * axis
+
+
+def _clouds(colliders: ColliderSet) -> Iterator[tuple[int, FloatArray]]:
+    """Points whose convex hull stands for a shape, with the collider that carries it."""
+    for i, c in enumerate(colliders.colliders):
+        if c.kind == "hull":
+            yield i, np.asarray(c.geometry["vertices"], np.float64)
+        elif c.kind == "sdf":
+            grid = DistanceGrid.of(c.geometry)
+            middle = 0.5 * (np.array(grid.distance.shape) - 1)
+            points = grid.cell * (np.argwhere(grid.distance < 0) - middle)
+            if len(points) >= _FEWEST and np.ptp(points, axis=0).all():
+                yield i, points
+        elif c.kind == "mesh":
+            yield from _parts_of_skin(colliders, c.geometry)
+
+
+def _parts_of_skin(
+    colliders: ColliderSet, geometry: Mapping[str, object]
+) -> Iterator[tuple[int, FloatArray]]:
+    """The vertices that each frame of a skin moves most, in that frame."""
+    carrier = [i for i, c in enumerate(colliders.colliders) if c.kind == "frame"]
+    weight = np.asarray(geometry["weight"], np.float64)
+    frame = np.asarray(geometry["frame"], np.int64)
+    bind = np.asarray(geometry["bind"], np.float64)
+    x = np.asarray(geometry["vertices"], np.float64)
+    most = np.take_along_axis(frame, weight.argmax(axis=1)[:, None], axis=1)[:, 0]
+    for f in np.unique(most):
+        if np.count_nonzero(most == f) >= _FEWEST:
+            yield carrier[f], x[most == f] @ bind[f, :, :3].T + bind[f, :, 3]
