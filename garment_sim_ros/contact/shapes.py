@@ -7,14 +7,19 @@ nor fitting: it sees a set and, every step, one world pose for each of its colli
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.errors import GeometryError, MessageError
+from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_from
 
 FloatArray = NDArray[np.float64]
+
+WORLD = "world"
+"""The bone that carries what no body carries; it stands still unless `ColliderSet.poses` is told
+otherwise."""
 
 KINDS: tuple[str, ...] = ("sphere", "capsule", "ellipsoid", "hull", "sdf", "mesh", "frame")
 """Collider kinds, in the order of their numbers in packed arrays."""
@@ -94,6 +99,66 @@ class ColliderSet:
     def __len__(self) -> int:
         return len(self.colliders)
 
+    @classmethod
+    def of(cls, *shapes: Collider, thickness: float = 0.0) -> "ColliderSet":
+        """A set of plain shapes, see `plain_shapes`, for scenes without a body.
+
+        Shapes that have the same name get a number behind it. Frames of `WORLD`, on which plain
+        garments ride, and of the shapes' bones come first.
+
+        Args:
+            shapes: The shapes.
+            thickness: Distance that cloth keeps from the surfaces [m], beside its own.
+
+        Raises:
+            GeometryError: Two shapes that cannot be told apart.
+        """
+        named: dict[str, Collider] = {}
+        for shape in shapes:
+            name, number = shape.name, 1
+            while name in named:
+                number += 1
+                name = f"{shape.name}_{number}"
+            named[name] = replace(shape, name=name)
+        has_frame = {c.bone for c in shapes if c.kind == "frame"}
+        bones = dict.fromkeys((WORLD, *(c.bone for c in shapes)))
+        frames = (
+            Collider(name=f"frame_{bone}", kind="frame", bone=bone)
+            for bone in bones
+            if bone not in has_frame
+        )
+        return cls(colliders=(*frames, *named.values()), thickness=thickness)
+
+    def poses(self, T_world_bone: Mapping[str, FloatArray] | None = None) -> "ColliderPoses":
+        """World poses of the colliders for poses of their bones.
+
+        Args:
+            T_world_bone: World transforms of bones, shape [4, 4], or their positions [m], shape
+                [3]; those that are not named are at the world's origin.
+
+        Raises:
+            MessageError: A bone that the set does not have, or a transform of another shape.
+        """
+        bones = {c.bone for c in self.colliders}
+        T_bone = dict.fromkeys(bones, np.eye(4))
+        for bone, given in (T_world_bone or {}).items():
+            if bone not in bones:
+                raise MessageError(
+                    "unknown_bone", f"found {bone!r}; allowed: {', '.join(sorted(bones))}"
+                )
+            T = np.asarray(given, dtype=np.float64)
+            if T.shape not in ((3,), (4, 4)):
+                raise MessageError(
+                    "pose_shape", f"found shape {T.shape} for {bone!r}; allowed: (3,) or (4, 4)"
+                )
+            T_bone[bone] = T if T.ndim == 2 else transform_from(T, np.array([0.0, 0.0, 0.0, 1.0]))
+        poses = ColliderPoses.identity(len(self.colliders))
+        for i, c in enumerate(self.colliders):
+            T = T_bone[c.bone] @ transform_from(c.position, c.orientation)
+            poses.position[i] = T[:3, 3]
+            poses.orientation[i] = quaternion_from_matrix(T[:3, :3])
+        return poses
+
     @property
     def revision(self) -> str:
         """SHA-256 of everything that collision depends on, as hexadecimal text."""
@@ -125,6 +190,11 @@ class ColliderPoses:
         orientation = np.zeros((count, 4))
         orientation[:, 3] = 1.0
         return cls(position=np.zeros((count, 3)), orientation=orientation)
+
+    def assign(self, other: "ColliderPoses") -> None:
+        """Takes over other poses of as many colliders, without allocating."""
+        np.copyto(self.position, other.position)
+        np.copyto(self.orientation, other.orientation)
 
     def copy(self) -> "ColliderPoses":
         """An independent copy."""

@@ -1,15 +1,21 @@
 """A garment ready to be simulated: mesh, material, pins and how it follows the body."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.contact.shapes import ColliderSet
+from garment_sim_ros.contact.shapes import WORLD, ColliderSet
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.garment.materials import material_from
+from garment_sim_ros.garment.mesh import mesh_from
+from garment_sim_ros.garment.sheet import pins_of, sheet
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.placement import SoftAttachments
+from garment_sim_ros.sim.self_collision.garment import own_distance
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -76,6 +82,104 @@ class Garment:
             raise GeometryError(f"garment {self.name!r}: triangle indices must lie in 0..{v - 1}")
         if self.pins.size and not 0 <= self.pins.min() <= self.pins.max() < v:
             raise GeometryError(f"garment {self.name!r}: pins must lie in 0..{v - 1}")
+
+    @classmethod
+    def from_mesh(
+        cls,
+        mesh: str | Path | FloatArray,
+        triangles: Sequence[Sequence[int]] | NDArray[np.integer] | None = None,
+        *,
+        name: str = "cloth",
+        material: Material | str | Mapping[str, object] | None = None,
+        pins: Sequence[int] | NDArray[np.integer] = (),
+        bone: str = WORLD,
+        self_collision: bool | float = False,
+        unit: str = "m",
+        up: str = "y",
+        edge: float | None = None,
+        **more: Any,
+    ) -> "Garment":
+        """A garment that rides on one bone, or on none: on what stands still in the world.
+
+        Nothing but its pins follows the bone. To put a mesh on a body, see `Avatar.dress`.
+
+        Args:
+            mesh: Positions in the rest pose, z up [m], shape [v, 3]; or an OBJ, PLY or glTF file.
+            triangles: Vertex indices, shape [t, 3]; only with positions.
+            name: Its name.
+            material: A fabric, the name of one of `garment.materials.PRESETS`, or values by name;
+                cotton jersey where None.
+            pins: Vertices with zero inverse mass.
+            bone: The bone, whose rest pose is the world's frame.
+            self_collision: Whether it is kept from passing through itself, or the distance that
+                its parts keep from each other [m].
+            unit: Length unit of the file: m, dm, cm, mm or in.
+            up: Up axis of the file: y or z.
+            edge: Longer edges are halved to about this [m]; None keeps the mesh.
+            more: Other attributes of a garment, as `layer`.
+
+        Raises:
+            InputFileError: The file cannot be read, or its surface cannot be repaired.
+            GeometryError: A mesh that cannot be used.
+            ParameterError: An unknown fabric, unit or axis, or a value out of range.
+        """
+        made = mesh_from(mesh, triangles, unit=unit, up=up, edge_length=edge)
+        fabric = material if isinstance(material, Material) else material_from(material)
+        x, count = made.vertices, len(made.vertices)
+        apart: float | None = None if self_collision is False else float(self_collision)
+        if self_collision is True:
+            apart = own_distance(x, made.triangles, fabric)
+        return cls(
+            name=name,
+            vertices=x,
+            triangles=made.triangles,
+            material=fabric,
+            frames=(bone,),
+            T_world_frame_rest=np.eye(4)[None],
+            frame_index=np.zeros((count, 1), np.int32),
+            frame_weight=np.ones((count, 1)),
+            pins=np.array(pins, dtype=np.int32),
+            pin_frame=np.zeros(len(pins), np.int32),
+            self_collision=apart,
+            **more,
+        )
+
+    @classmethod
+    def sheet(
+        cls,
+        width: float,
+        height: float,
+        *,
+        edge: float = 0.02,
+        at: Sequence[float] = (0.0, 0.0, 0.0),
+        upright: bool = False,
+        name: str = "sheet",
+        material: Material | str | Mapping[str, object] | None = None,
+        pins: str | Sequence[int] | IntArray = (),
+        **more: Any,
+    ) -> "Garment":
+        """A rectangular piece of cloth.
+
+        Args:
+            width: Its extent along x [m].
+            height: Its extent along y, or along z where it is upright [m].
+            edge: Length of its edges, about [m].
+            at: Its middle [m], shape [3].
+            upright: Whether it hangs in the x-z plane instead of lying in the x-y plane.
+            name: Its name.
+            material: As for `from_mesh`.
+            pins: Vertices with zero inverse mass; or "corners", "top" (the whole side of largest
+                y or z) or "top corners". Vertices stand row by row from the top, along x.
+            more: Other arguments of `from_mesh`, as `self_collision` and `layer`.
+
+        Raises:
+            ParameterError: A measure that is not positive, other words for pins.
+        """
+        vertices, triangles, columns = sheet(width, height, edge=edge, at=at, upright=upright)
+        pinned = pins_of(pins, len(vertices), columns)
+        return cls.from_mesh(
+            vertices, triangles, name=name, material=material, pins=pinned, **more
+        )
 
 
 def without_bones(colliders: ColliderSet, bones: Sequence[str]) -> ColliderSet:

@@ -1,12 +1,13 @@
 """Loading a garment mesh: read, repaired, turned to z up, refined."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.errors import GeometryError, InputFileError
+from garment_sim_ros.errors import GeometryError, InputFileError, ParameterError
 from garment_sim_ros.garment.mesh_repair import repaired, triangulate
 from garment_sim_ros.garment.polygon_files import read_polygons
 from garment_sim_ros.garment.subdivide import subdivided
@@ -50,7 +51,11 @@ def load_garment_mesh(
 
     Raises:
         InputFileError: The file cannot be read, or its surface cannot be repaired.
+        ParameterError: Another unit or axis.
     """
+    for name, value, known in (("unit", unit, tuple(UNITS)), ("up", up, UP_AXES)):
+        if value not in known:
+            raise ParameterError(name, f"found {value!r}", f"allowed: {', '.join(known)}")
     polygons = read_polygons(path)
     x = polygons.vertices * UNITS[unit]
     if up == "y":
@@ -69,3 +74,39 @@ def load_garment_mesh(
         problem, _, allowed = str(error).partition("; ")
         raise InputFileError(path, problem, allowed) from error
     return GarmentMesh(vertices=vertices, triangles=triangles, notes=notes)
+
+
+def mesh_from(
+    mesh: str | Path | FloatArray,
+    triangles: Sequence[Sequence[int]] | NDArray[np.integer] | None = None,
+    *,
+    unit: str = "m",
+    up: str = "y",
+    edge_length: float | None = None,
+) -> GarmentMesh:
+    """A garment's surface from a file, or from arrays, which are taken as they are.
+
+    Args:
+        mesh: A file as for `load_garment_mesh`; or positions, z up [m], shape [v, 3].
+        triangles: Vertex indices, shape [t, 3]; only with positions.
+        unit: The file's length unit.
+        up: The file's up axis.
+        edge_length: Edge length wanted [m], see `subdivided`; None keeps the mesh.
+
+    Raises:
+        InputFileError: The file cannot be read, or its surface cannot be repaired.
+        GeometryError: Arrays of another shape.
+        ParameterError: Another unit or axis.
+    """
+    if isinstance(mesh, str | Path):
+        if triangles is not None:
+            raise ParameterError("triangles", f"found some beside {mesh}", "allowed: no others")
+        return load_garment_mesh(mesh, unit=unit, up=up, edge_length=edge_length)
+    x = np.array(mesh, dtype=np.float64)
+    t = np.array(() if triangles is None else triangles, dtype=np.int32)
+    for what, array in (("vertices", x), ("triangles", t)):
+        if array.ndim != 2 or array.shape[1] != 3:
+            raise GeometryError(f"{what}: found shape {array.shape}; allowed: [n, 3]")
+    if edge_length is not None:
+        x, t = subdivided(x, t, edge_length)
+    return GarmentMesh(vertices=x, triangles=t)

@@ -1,7 +1,9 @@
 """Outfits: the garments of a file made for one body."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.contact.shapes import ColliderSet
@@ -10,8 +12,8 @@ from garment_sim_ros.garment.dressing import Holds, dressed
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.generators import GENERATORS
 from garment_sim_ros.garment.measures import Measures
-from garment_sim_ros.garment.mesh import load_garment_mesh
-from garment_sim_ros.garment.outfit_file import GarmentEntry, read_outfit
+from garment_sim_ros.garment.mesh import GarmentMesh, load_garment_mesh
+from garment_sim_ros.garment.outfit_file import GarmentEntry, OutfitFile, read_outfit
 from garment_sim_ros.params import ColliderOptions
 from garment_sim_ros.sim.self_collision.garment import own_distance
 
@@ -48,11 +50,33 @@ def load_outfit(source: str | Path, body: Body, *, colliders: ColliderSet | None
         InputFileError: The file, or a mesh that it names, cannot be used.
         GeometryError: The body lacks bones or skin that a garment needs.
     """
-    file = read_outfit(source)
+    return make_outfit(read_outfit(source), body, colliders=colliders)
+
+
+def make_outfit(
+    file: OutfitFile,
+    body: Body,
+    *,
+    colliders: ColliderSet | None = None,
+    meshes: Mapping[str, GarmentMesh] = MappingProxyType({}),
+) -> Outfit:
+    """An outfit that was read, made for a body in its rest pose.
+
+    Args:
+        file: The outfit.
+        body: The wearer.
+        colliders: As for `load_outfit`.
+        meshes: Surfaces of garments by name, in the place of their files.
+
+    Raises:
+        InputFileError: A mesh that the outfit names cannot be used.
+        GeometryError: The body lacks bones or skin that a garment needs.
+    """
     measures = Measures(body)
     garments, notes = [], []
     for entry in file.garments:
-        garment, remarks = _make(file.source, entry, measures, colliders)
+        made = meshes.get(entry.name)
+        garment, remarks = _make(file.source, entry, measures, colliders, made)
         garments.append(garment)
         notes += [f"{entry.name}: {remark}" for remark in remarks]
     return Outfit(
@@ -65,9 +89,15 @@ def load_outfit(source: str | Path, body: Body, *, colliders: ColliderSet | None
 
 
 def _make(
-    source: str, entry: GarmentEntry, measures: Measures, colliders: ColliderSet | None
+    source: str,
+    entry: GarmentEntry,
+    measures: Measures,
+    colliders: ColliderSet | None,
+    mesh: GarmentMesh | None,
 ) -> tuple[Garment, tuple[str, ...]]:
-    if entry.generator is not None:
+    if mesh is not None:
+        pass
+    elif entry.generator is not None:
         mesh, measures = GENERATORS[entry.generator].make(measures, entry.options)
     else:
         assert entry.mesh is not None

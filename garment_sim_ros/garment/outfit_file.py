@@ -29,11 +29,13 @@ MAX_GARMENTS = 16
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _FILE_KEYS = ("version", "garments", "colliders")
-_GARMENT_KEYS = (
+GARMENT_KEYS = (
     *("name", "generator", "options", "mesh", "material", "attachments"),
     *("layer", "max_distance", "backstop", "tethers", "self_collision", "mu"),
     *("attachment_stiffness", "attachment_damping"),
 )
+"""What an outfit file may say of one garment."""
+
 _MAX_LAYER = 15
 _LARGEST_OWN_DISTANCE = 0.1
 _STRETCH = 0.02
@@ -134,21 +136,45 @@ def read_outfit(source: str | Path) -> OutfitFile:
     else:
         name, text, folder = path.stem, read_text(path, limit=MAX_FILE_BYTES), path.parent
     try:
-        content = _parsed(text)
-        garments = _garments(content, folder)
-        asked = _mapping("colliders", content.get("colliders", {}))
-        colliders = validated(ColliderOptions, asked)
-        return OutfitFile(
-            name=name,
-            source=str(source),
-            text=text,
-            garments=garments,
-            colliders=replace(
-                colliders, mu=tightest([colliders.mu, *(garment.mu for garment in garments)])
-            ),
-        )
+        return outfit_from(_parsed(text), name=name, source=str(source), text=text, folder=folder)
     except ParameterError as error:
         raise InputFileError(source, f"{error.name}: {error.problem}", error.allowed) from error
+
+
+def outfit_from(
+    content: Mapping[str, Any],
+    *,
+    name: str = "outfit",
+    source: str = "outfit",
+    text: str = "",
+    folder: Path = Path(),
+) -> OutfitFile:
+    """An outfit from what its file says.
+
+    Args:
+        content: The file's keys and values.
+        name: Its name.
+        source: What messages call it.
+        text: The file's text.
+        folder: Paths of meshes are relative to it.
+
+    Raises:
+        ParameterError: A key or value that is not allowed; the message names the garment.
+    """
+    known = _mapping("file", content, _FILE_KEYS)
+    if known.get("version") != 1:
+        raise ParameterError("version", f"found {known.get('version')!r}", "allowed: 1")
+    garments = _garments(known, folder)
+    asked = _mapping("colliders", known.get("colliders", {}))
+    colliders = validated(ColliderOptions, asked)
+    mu = tightest([colliders.mu, *(garment.mu for garment in garments)])
+    return OutfitFile(
+        name=name,
+        source=source,
+        text=text,
+        garments=garments,
+        colliders=replace(colliders, mu=mu),
+    )
 
 
 class _PlainLoader(yaml.SafeLoader):
@@ -177,10 +203,7 @@ def _parsed(text: str) -> Mapping[str, Any]:
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         problem = " ".join(str(error).split())[:200]
         raise ParameterError("file", f"is not plain YAML ({problem})") from error
-    known = _mapping("file", content, _FILE_KEYS)
-    if known.get("version") != 1:
-        raise ParameterError("version", f"found {known.get('version')!r}", "allowed: 1")
-    return known
+    return _mapping("file", content)
 
 
 def _garments(content: Mapping[str, Any], folder: Path) -> tuple[GarmentEntry, ...]:
@@ -200,7 +223,7 @@ def _garments(content: Mapping[str, Any], folder: Path) -> tuple[GarmentEntry, .
 
 def _garment(index: int, entry: object, folder: Path) -> GarmentEntry:
     where = f"garments[{index}]"
-    values = _mapping(where, entry, _GARMENT_KEYS)
+    values = _mapping(where, entry, GARMENT_KEYS)
     name = values.get("name")
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise ParameterError(

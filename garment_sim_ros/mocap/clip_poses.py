@@ -11,6 +11,17 @@ from garment_sim_ros.mocap.sampling import sample
 FloatArray = NDArray[np.float64]
 
 
+def retargeter(clip: Clip, body: Body) -> Retargeter:
+    """What turns a clip's channel values into poses of a body.
+
+    Raises:
+        GeometryError: One of the two has no known hips, or no pair of hips or shoulders.
+    """
+    return Retargeter(
+        clip.rig, body, T_world_source=clip.T_world_file, reference=clip.source_reference
+    )
+
+
 def clip_poses(clip: Clip, body: Body, count: int) -> list[FloatArray]:
     """A body in evenly spaced poses of a clip, its first and last among them.
 
@@ -25,8 +36,6 @@ def clip_poses(clip: Clip, body: Body, count: int) -> list[FloatArray]:
     Raises:
         GeometryError: One of the two has no known hips, or no pair of hips or shoulders.
     """
-    retargeter = Retargeter(
-        clip.rig, body, T_world_source=clip.T_world_file, reference=clip.source_reference
-    )
+    to_body = retargeter(clip, body)
     times = np.linspace(clip.times[0], clip.times[-1], count)
-    return [retargeter.world_joints(sample(clip, float(t))).copy() for t in times]
+    return [to_body.world_joints(sample(clip, float(t))).copy() for t in times]

@@ -1,7 +1,7 @@
 """Garments on one moving body."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -19,6 +19,8 @@ from garment_sim_ros.params import (
     RelaxationSettings,
     XpbdSettings,
 )
+from garment_sim_ros.sim.arguments import OutfitLike, check_preset, garments_of, parameters_of
+from garment_sim_ros.sim.garment_view import GarmentView
 from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.holds.backstop import Backstop
 from garment_sim_ros.sim.holds.leash import Leash
@@ -53,32 +55,39 @@ class Simulation:
         outran: Steps in which the root was faster than cloth feels, see `root_motion`.
 
     Args:
-        garments: `garment.Garment` objects or alike, with different names.
-        colliders: The body's colliders; `reset` and `advance` take one pose for each.
+        garments: An outfit, a garment, or garments with different names.
+        colliders: The body's colliders; `step`, `reset` and `advance` take one pose for each.
+        preset: A set of parameters, "balanced" or None for the defaults.
         environment: Outer forces.
         settings: Numerical parameters of the solver; its defaults where None.
         solver: Name in `SOLVERS`.
         solver_step: Longest step that the solver takes at once [s].
+        parameters: Single values of `Environment` and of the solver's settings by name; they
+            win over the groups.
 
     Raises:
         GeometryError: A garment or collider that cannot be simulated, or a frame that is missing.
-        ParameterError: An unknown solver or a step that is not positive.
+        ParameterError: An unknown solver, preset or name; a value that is not allowed.
     """
 
     def __init__(
         self,
-        garments: Sequence[GarmentLike],
+        garments: OutfitLike | GarmentLike | Sequence[GarmentLike],
         colliders: ColliderSet,
         *,
+        preset: str | None = None,
         environment: Environment | None = None,
         settings: RelaxationSettings | XpbdSettings | ImplicitSettings | None = None,
         solver: str = "relaxation",
         solver_step: float = 1 / 180,
+        **parameters: Any,
     ) -> None:
+        check_preset(preset)
         if solver not in SOLVERS:
             raise ParameterError("solver", f"found {solver!r}", f"allowed: {', '.join(SOLVERS)}")
         if not (math.isfinite(solver_step) and solver_step > 0.0):
             raise ParameterError("solver_step", f"found {solver_step!r}", "allowed: above 0 s")
+        garments = garments_of(garments)
         names = [g.name for g in garments]
         if len(set(names)) != len(names):
             raise GeometryError(f"garment names must be unique; found {', '.join(names)}")
@@ -113,10 +122,10 @@ class Simulation:
         self._alone = [worn for name, worn in self._worn.items() if name not in meet]
         self.time = 0.0
         self.outran = 0
-        self.parameters = Parameters(
-            environment=environment or Environment(),
-            settings=settings or SOLVERS[solver].settings(),
-        )
+        self._view = {n: GarmentView(w, self.origin) for n, w in self._worn.items()}
+        self._at = ColliderPoses.identity(len(colliders))
+        self._is_on = False
+        self.parameters = parameters_of(solver, environment, settings, parameters)
 
     @property
     def parameters(self) -> Parameters:
@@ -137,6 +146,22 @@ class Simulation:
             parameters.environment.root_linear_inertia, parameters.environment.root_angular_inertia
         )
         self._wind = {n: WindOnCloth(field, w.model) for n, w in self._worn.items() if field}
+
+    def __getitem__(self, name: str) -> GarmentView:
+        """A garment by its name.
+
+        Raises:
+            ParameterError: There is no such garment.
+        """
+        if name not in self._view:
+            raise ParameterError("garment", f"found {name!r}", f"allowed: {', '.join(self.names)}")
+        return self._view[name]
+
+    def __iter__(self) -> Iterator[GarmentView]:
+        return iter(self._view.values())
+
+    def __len__(self) -> int:
+        return len(self._view)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -218,6 +243,8 @@ class Simulation:
             MessageError: Poses that are not usable; nothing changes.
         """
         self._motion.check(poses)
+        self._is_on = True
+        self._at.assign(poses)
         self.time = 0.0
         colliders = self._colliders
         self._motion.stand(poses)
@@ -236,6 +263,24 @@ class Simulation:
                 self.solver_step,
             )
             worn.watch(colliders, self.solver_step)
+
+    def step(self, poses: ColliderPoses | None = None, dt: float = 1 / 60) -> None:
+        """Advances all garments while the colliders move from where they are to new poses.
+
+        The first call puts the garments on, as `reset` does, and takes no time.
+
+        Args:
+            poses: World poses of the colliders after the step. None: they stay; in the first
+                call, all bones are at the world's origin.
+            dt: How long it takes them to get there [s].
+
+        Raises:
+            MessageError: Poses or a time that are not usable; nothing changes.
+        """
+        if not self._is_on:
+            self.reset(self.collider_set.poses() if poses is None else poses)
+        else:
+            self.advance(self._at, self._at if poses is None else poses, dt)
 
     def carry(self, poses_start: ColliderPoses, poses_end: ColliderPoses) -> None:
         """Takes all garments along on a way of the body that is not simulated.
@@ -257,6 +302,7 @@ class Simulation:
             start, end = (worn.frames.world(p) for p in (poses_start, poses_end))
             worn.carry(blend(worn.garment, end - start))
         self._follow(poses_end)
+        self._at.assign(poses_end)
 
     def advance(
         self, poses_start: ColliderPoses, poses_end: ColliderPoses, dt: float | None = None
@@ -302,6 +348,7 @@ class Simulation:
         for worn in self._worn.values():
             worn.watch(self._colliders, dt / steps)
             worn.health.tangled = 0
+        self._at.assign(poses_end)
         for outer, pairs in self._under.items():
             for inner, pair in pairs:
                 of_outer, of_inner = pair.tangled
