@@ -31,7 +31,7 @@ from garment_sim_ros.sim.motion import to_file_order
 from garment_sim_ros.sim.placement import GarmentLike, blend, rest_transforms
 from garment_sim_ros.sim.settle import settle
 from garment_sim_ros.sim.solvers import SOLVERS
-from garment_sim_ros.sim.state import State
+from garment_sim_ros.sim.state import ColliderState, State
 from garment_sim_ros.sim.world.collider_motion import ColliderMotion
 from garment_sim_ros.sim.world.root_motion import TakenOut, take_along
 from garment_sim_ros.sim.world.wind_field import WindOnCloth, wind_field
@@ -207,6 +207,11 @@ class Simulation:
     def health(self, name: str) -> Health:
         """Counts and readings of a garment."""
         return self._worn[name].health
+
+    @property
+    def collider_state(self) -> ColliderState:
+        """The colliders in the latest step."""
+        return self._colliders
 
     @property
     def origin(self) -> FloatArray:
