@@ -1,0 +1,76 @@
+"""The drawing of packages in docs/architecture.md shows the imports that there are."""
+
+import sys
+from pathlib import Path
+
+import grimp
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # comes with import-linter
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "architecture.md"
+PACKAGE = "garment_sim_ros"
+
+
+def layers():
+    """Packages and modules from the highest to the lowest, as the import contract has them."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    contract = project["tool"]["importlinter"]["contracts"][0]
+    return [
+        [name.strip().removeprefix(f"{PACKAGE}.") for name in row.split("|")]
+        for row in contract["layers"]
+    ]
+
+
+def imports():
+    """What each package or module of the contract imports, those of all packages left out."""
+    graph = grimp.build_graph(PACKAGE, cache_dir=None)
+    drawn = [name for row in layers() for name in row]
+    common = set(drawn[drawn.index("geometry") :])
+    found = {name: set() for name in drawn if name not in common}
+    for module in graph.modules:
+        _, _, inner = module.partition(".")
+        importer = inner.split(".")[0]
+        for imported in graph.find_modules_directly_imported_by(module):
+            other = imported.partition(".")[2].split(".")[0]
+            if importer in found and other in found and other != importer:
+                found[importer].add(other)
+    return found
+
+
+def drawing():
+    """The imports as a Mermaid flowchart; what follows from other arrows has none of its own."""
+    found = imports()
+
+    def reached(name):
+        return found[name].union(*(reached(other) for other in found[name]))
+
+    lines = ["```mermaid", "flowchart TD"]
+    for name, others in found.items():
+        beyond = set().union(*(reached(other) for other in others))
+        shown = [other for other in found if other in others - beyond]
+        lines.append(f"    {name} --> {' & '.join(shown)}" if shown else f"    {name}")
+    return "\n".join([*lines, "```"])
+
+
+def test_the_drawing_is_true():
+    assert drawing() in PAGE.read_text(), f"docs/architecture.md should have:\n{drawing()}"
+
+
+def test_every_package_is_in_the_contract_and_in_the_table():
+    known = {name for row in layers() for name in row}
+    there = {
+        path.stem if path.suffix == ".py" else path.name
+        for path in (ROOT / PACKAGE).iterdir()
+        if path.name[0] not in "._" and (path.suffix == ".py" or (path / "__init__.py").exists())
+    }
+    assert there == known
+    page = PAGE.read_text()
+    assert not [name for name in known if f"`{name}`" not in page]
+
+
+if __name__ == "__main__":
+    print(drawing())
