@@ -1,6 +1,6 @@
 # Needs Python 3.10 to 3.13 and make; everything else goes into .venv.
 .DEFAULT_GOAL := help
-.PHONY: help test test-slow test-colcon bench demo mannequin lint clean
+.PHONY: help test test-slow test-machines test-colcon bench demo mannequin lint clean
 SHELL := /bin/bash
 
 # The first Python that is young enough and old enough.
@@ -8,6 +8,7 @@ SYSTEM_PYTHON = $(shell for p in $(PYTHON) python3 python3.13 python3.12 python3
 	$$p -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' 2>/dev/null && echo $$p && break; done)
 PY := .venv/bin/python
 STAMP := .venv/.installed
+SPREAD := --numprocesses auto --maxprocesses 4 --dist loadfile
 
 help: ## This list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 14
@@ -25,7 +26,7 @@ $(STAMP): setup.py
 	@touch $@
 
 test: lint ## Format, lint, types, layers and the tests under a minute each
-	$(PY) -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
+	$(PY) -m pytest $(SPREAD)
 
 lint: $(STAMP)
 	$(PY) -m ruff format --check .
@@ -34,6 +35,9 @@ lint: $(STAMP)
 
 test-slow: $(STAMP) ## The tests that take longer
 	$(PY) -m pytest -m slow
+
+test-machines: $(STAMP) ## The tests as other processors, Pythons and the oldest versions run them
+	$(PY) test/machines.py $(SPREAD) $(ARGS)
 
 test-colcon: $(STAMP) ## `colcon build` and `ros2 run` paths, in a temporary environment
 	$(PY) -m pytest -m slow test/unit/test_package_install.py
@@ -49,5 +53,5 @@ mannequin: $(STAMP) ## The default mannequin anew, after a change to how it is g
 	numpy.savez_compressed('garment_sim_ros/body/mannequin/mannequin_default.npz', **grown(MannequinOptions()))"
 
 clean: ## Everything that was made here
-	rm -rf .venv out build install log *.egg-info .*_cache .hypothesis
+	rm -rf .venv .machines out build install log *.egg-info .*_cache .hypothesis
 	find garment_sim_ros test -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -27,7 +27,7 @@ ROS = [
     "ros-jazzy-common-interfaces",
 ]
 TEST = ["hypothesis>=6.98", "networkx>=2.8", "psutil>=5.9", "pytest>=8", "pytest-xdist>=3.5"]
-CHECK = ["import-linter~=2.16", "mypy~=2.4.0", "ruff~=0.17.0"]  # their rules change with versions
+CHECK = ["import-linter~=2.12", "mypy~=2.4.0", "ruff~=0.17.0"]  # their rules change with versions
 
 setup(
     name=NAME,

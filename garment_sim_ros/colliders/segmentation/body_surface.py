@@ -69,7 +69,7 @@ def body_surface(vertices: FloatArray, triangles: IntArray) -> BodySurface:
     if not len(triangles) or triangles.min() < 0 or triangles.max() >= len(x):
         raise GeometryError(f"triangles must be there and point into 0..{len(x) - 1}")
     notes: list[str] = []
-    size = float(np.ptp(x, axis=0).max())
+    size = _size(x)
     number, x, triangles = _welded(x, triangles, size, notes)
     number, x, triangles, bridges = _joined(number, x, triangles, size, notes)
     bad, rim = _edge_faults(triangles, len(x))
@@ -78,6 +78,12 @@ def body_surface(vertices: FloatArray, triangles: IntArray) -> BodySurface:
     if rim:
         x, triangles = _closed(x, triangles, size, notes)
     return BodySurface(x, triangles, bridges, number, tuple(notes))
+
+
+def _size(x: FloatArray) -> float:
+    """How far apart points are, whichever way they are turned: up to twice as much [m]."""
+    away = np.linalg.norm(x - x.mean(axis=0), axis=1)
+    return float(np.linalg.norm(x - x[away.argmax()], axis=1).max())
 
 
 def _welded(

@@ -2,7 +2,9 @@
 
 They are geodesic extremes, so that neither the pose nor the orientation of the body matters. Which
 is which follows from the symmetry of their mutual distances: the head is as far from one hand as
-from the other, and likewise for the feet.
+from the other, and likewise for the feet. Up, left and front are the body's own: up from between
+its shins to the top of its head, whichever way it lies. Choices among vertices that are equal but
+for rounding take the one of lowest index.
 """
 
 from dataclasses import dataclass
@@ -27,6 +29,15 @@ _REACH = {"head": (0.65, 1.2), "hand": (0.8, 1.25), "foot": (0.8, 1.25)}
 """How far each end may be from the geodesic middle of the body, over the mean of the five."""
 _ASYMMETRY = 0.25
 """Largest relative difference between the two sides."""
+_SHIN = 0.20
+"""Way from the toes to the middle of the shin, over the stature or nearly: the shins of who stands
+upright are below the head."""
+_CROWN = 0.25
+"""The top of the head is this near to its extreme, over the way up to there."""
+_ROUNDS = 3
+"""How often up and the top of the head are found from each other."""
+_TIE = 1e-6
+"""Lengths that differ by less than this share of the body's are equal."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +82,6 @@ def extremities(surface: BodySurface, graph: MeshGraph) -> Extremities:
         "five_ends": float(np.clip(2.0 * (1.0 - next_reach / reach.min()), 0.0, 1.0)),
         "symmetry": float(np.clip(1.0 - asymmetry / _ASYMMETRY, 0.0, 1.0)),
     }
-    up = x[tips[head]] - x[tips[list(feet)]].mean(axis=0)
-    length = float(np.linalg.norm(up))
-    up /= length
     kinds = {"head": [head], "hand": list(hands), "foot": list(feet)}
     mean = float(reach.mean())
     for kind, members in kinds.items():
@@ -94,10 +102,9 @@ def extremities(surface: BodySurface, graph: MeshGraph) -> Extremities:
         raise GeometryError(
             "no human shape: more than five ends (several bodies that touch, a tail, a chair)"
         )
+    up, top = _up(surface, distance, tips, head, feet)
     confidence["upright"] = 1.0
-    if up[2] > _UPRIGHT:
-        up = np.array([0.0, 0.0, 1.0])
-    else:
+    if up[2] <= _UPRIGHT:
         state = "upside down" if up[2] < -_UPRIGHT else "lying or leaning"
         notes.append(f"the body is {state}; up was taken from its feet to its head")
         confidence["upright"] = 0.6
@@ -124,11 +131,47 @@ def extremities(surface: BodySurface, graph: MeshGraph) -> Extremities:
     confidence["sides"] = float(np.clip(min(hand_side, foot_side) / (0.04 * height), 0.0, 1.0))
     order = np.array([head, *hands, *feet])
     tips, distance = tips[order], distance[order]
-    # The extreme may be the nose or the inside of the mouth: the head's end is its top.
-    near = np.flatnonzero(distance[0] < 0.25 * height)
-    tips[0] = near[np.argmax(x[near] @ up)]
+    tips[0] = top
     distance[0] = graph.distances(int(tips[0]))[0]
     return Extremities(tips.astype(np.int32), distance, axes, height, confidence, tuple(notes))
+
+
+def lowest(value: FloatArray) -> int:
+    """Index of the least value; of those equal to it but for rounding the first.
+
+    Args:
+        value: Lengths of about the body's size [m], shape [n].
+    """
+    least = float(value.min())
+    span = max(abs(least), float(np.abs(value[np.isfinite(value)]).max(initial=0.0)))
+    return int(np.argmax(value <= least + _TIE * span))
+
+
+def _up(
+    surface: BodySurface,
+    distance: FloatArray,
+    tips: IntArray,
+    head: int,
+    feet: tuple[int, int],
+) -> tuple[FloatArray, int]:
+    """The body's own unit vector up, and the vertex at the top of its head."""
+    x = surface.vertices
+    low = x[tips[list(feet)]].mean(axis=0)
+    top = int(tips[head])
+    for _ in range(_ROUNDS):
+        up = x[top] - low
+        length = float(np.linalg.norm(up))
+        up = up / max(length, 1e-12)
+        # The extreme may be the nose or the inside of the mouth: the head's end is its top.
+        near = np.flatnonzero(distance[head] < _CROWN * length)
+        top = int(near[lowest(-((x[near] - low) @ up))])
+        shins = [
+            iso_line(x, surface.triangles, distance[foot], _SHIN * length).centre()
+            for foot in feet
+        ]
+        if np.isfinite(shins).all():
+            low = np.mean(shins, axis=0)
+    return up, top
 
 
 def _extremes(
@@ -140,24 +183,23 @@ def _extremes(
         Five vertices; how far each is from the middle; how far a sixth is from those five and the
         middle; distances from the five, shape [5, v].
     """
-    start = int(
-        np.argmin(np.linalg.norm(surface.vertices - surface.vertices.mean(axis=0), axis=1))
-    )
+    from_mean = np.linalg.norm(surface.vertices - surface.vertices.mean(axis=0), axis=1)
+    start = lowest(from_mean)
     farthest = np.zeros(len(surface.vertices))
     nearest, _ = graph.distances(start)
     if not np.isfinite(nearest).all():
         raise GeometryError("the surface is not connected")
     for k in range(5):
-        tip = int(nearest.argmax())
+        tip = lowest(-nearest)
         distance, _ = graph.distances(tip)
         farthest = np.maximum(farthest, distance)
         nearest = distance if k == 0 else np.minimum(nearest, distance)
-    middle = int(farthest.argmin())
+    middle = lowest(farthest)
     from_middle, _ = graph.distances(middle)
     nearest = from_middle.copy()
     tips, rows, gaps = [], [], []
     for _ in range(5):
-        tip = int(nearest.argmax())
+        tip = lowest(-nearest)
         distance, _ = graph.distances(tip)
         tips.append(tip)
         rows.append(distance)
@@ -203,7 +245,7 @@ def _front(
     ways = []
     for foot in feet:
         tip = surface.vertices[int(distance[foot].argmin())]
-        line = iso_line(surface.vertices, surface.triangles, distance[foot], 0.20 * height)
+        line = iso_line(surface.vertices, surface.triangles, distance[foot], _SHIN * height)
         way = tip - line.centre()
         way -= (way @ up) * up
         ways.append(way if np.isfinite(way).all() else np.zeros(3))

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.colliders.segmentation.body_surface import BodySurface
-from garment_sim_ros.colliders.segmentation.extremities import Extremities, extremities
+from garment_sim_ros.colliders.segmentation.extremities import Extremities, extremities, lowest
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.geodesics import (
     IsoLine,
@@ -179,7 +179,7 @@ def feature_points(
         else:
             ring = line(f"{side}_hand", at).segments.reshape(-1, 3)
             nearest = np.linalg.norm(ring - x[crotch], axis=1)
-            point[f"{side}_armpit"] = ring[nearest.argmin()] if len(ring) else np.full(3, np.nan)
+            point[f"{side}_armpit"] = ring[lowest(nearest)] if len(ring) else np.full(3, np.nan)
         level[f"{side}_armpit"] = max(at, 1.05 * level[f"{side}_elbow"])
         found.append(arm_sure)
     confidence["armpits"] = min(found)
@@ -215,13 +215,14 @@ def _crotch(surface: BodySurface, graph: MeshGraph, ends: Extremities, constants
     if constants == "table1":
         _, before = graph.distances(int(ends.vertex[3]))
         path = path_to(before, int(ends.vertex[4]))
-        return int(path[np.abs(left[path] - right[path]).argmin()])
-    points = iso_line(surface.vertices, surface.triangles, left - right, 0.0).segments
-    points = points.reshape(-1, 3)
+        return int(path[lowest(np.abs(left[path] - right[path]))])
+    line = iso_line(surface.vertices, surface.triangles, left - right, 0.0)
+    points, weight = line.segments.mean(axis=1), line.lengths
     height = points @ ends.axes[2]
     # From front to back it is nearly level: its middle is taken.
-    middle = points[height < height.min() + _LEVEL * ends.height].mean(axis=0)
-    return int(np.linalg.norm(surface.vertices - middle, axis=1).argmin())
+    weight = np.where(height < height.min() + _LEVEL * ends.height, weight + 1e-12, 0.0)
+    middle = weight @ points / weight.sum()
+    return lowest(np.linalg.norm(surface.vertices - middle, axis=1))
 
 
 def _neck(surface: BodySurface, ends: Extremities) -> tuple[float, float]:
@@ -284,17 +285,17 @@ def _armpit_of_paper(
     along /= max(float(np.linalg.norm(along)), 1e-12)
     offset = x[path] - x[v2]
     away = np.linalg.norm(offset - (offset @ along)[:, None] * along, axis=1)
-    return int(path[away.argmax()])
+    return int(path[lowest(-away)])
 
 
 def _nearest_vertex(x: FloatArray, ring: IsoLine, place: FloatArray, *, farthest: bool) -> int:
     """The vertex at the point of an iso-line that is nearest to, or farthest from, a place."""
     points = ring.segments.reshape(-1, 3)
     if not len(points):
-        return int(np.linalg.norm(x - place, axis=1).argmin())
+        return lowest(np.linalg.norm(x - place, axis=1))
     distance = np.linalg.norm(points - place, axis=1)
-    point = points[distance.argmax() if farthest else distance.argmin()]
-    return int(np.linalg.norm(x - point, axis=1).argmin())
+    point = points[lowest(-distance if farthest else distance)]
+    return lowest(np.linalg.norm(x - point, axis=1))
 
 
 def _level_at(

@@ -1,8 +1,10 @@
 """A human surface in 15 named regions (Gong et al., 2.2).
 
-A vertex belongs to the head, an arm or a leg if it is nearer to that part's end than the neck,
-armpit or crotch is, by geodesic distance; arms and legs are split at elbow and knee in the same
-way; what remains is the torso, split in six by waist, chest and the plane between the armpits.
+The surface alone decides, in the body's own frame: a body that lies or stands on its head has the
+same regions. A vertex belongs to the head, an arm or a leg if it is nearer to that part's end than
+the neck, armpit or crotch is, by geodesic distance; arms and legs are split at elbow and knee in
+the same way; what remains is the torso, split in six by waist, chest and the plane between the
+armpits.
 """
 
 from collections.abc import Mapping
@@ -26,10 +28,13 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 _NEEDED = ("front", "crotch", "neck", "armpits")
-_MISSING = 2
-"""So many of these not found make a surface with five ends none of a human."""
+_DOUBT = 1.5
+"""With so much doubt in these, one less the confidence each, a surface with five ends is none of a
+human. Bodies of games have up to 0.4."""
 _FEW = 4
 """A region with fewer vertices than this is none."""
+_TIE = 1e-6
+"""Lengths that differ by less than this share of the stature are equal."""
 _JOINTS = {
     "neck": "neck",
     "left_elbow": "leftLowerArm",
@@ -108,8 +113,9 @@ def segment(
     surface = body_surface(vertices, triangles)
     graph = mesh_graph(surface.vertices, surface.triangles, paths=paths, bridges=surface.bridges)
     features = feature_points(surface, graph, constants=constants, sex=sex, joints=joints)
-    missing = [k for k in _NEEDED if features.confidence[k] == 0.0]
-    if len(missing) >= _MISSING:
+    doubt = {k: 1.0 - features.confidence[k] for k in _NEEDED}
+    if sum(doubt.values()) > _DOUBT:
+        missing = [k for k, d in doubt.items() if d > 0.5]
         raise GeometryError(f"no human shape: nothing like {', '.join(missing)} was found")
     region = _divide(surface, features)
     _connect(surface, region)
@@ -126,6 +132,7 @@ def _divide(surface: BodySurface, features: FeaturePoints) -> IntArray:
     x, ends, level = surface.vertices, features.ends, features.level
     height = x @ ends.axes[2]
     normal, offset = features.mid_plane
+    offset -= _TIE * ends.height  # what lies on the plane is of one side, whatever the rounding
     row = np.where(height > features.chest, 0, np.where(height > features.waist, 1, 2))
     region = (TORSO[0] + 2 * row + (x @ normal < offset)).astype(np.int32)
     # Where two limbs claim a vertex, the one whose inner end is relatively farther has it.
@@ -147,7 +154,7 @@ def _divide(surface: BodySurface, features: FeaturePoints) -> IntArray:
     for end, inner, whole, joint, outer in parts:
         way = ends.of(end)
         share = way / level[whole]
-        mine = share < claim
+        mine = share < claim - _TIE
         claim[mine] = share[mine]
         region[mine] = REGIONS.index(inner)
         if joint:
