@@ -21,7 +21,6 @@ import trimesh
 
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.load import load_body
-from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import (
@@ -43,8 +42,8 @@ from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.geometry.locality import spatial_order
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
+from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.mocap.sampling import sample
 from garment_sim_ros.params import EllipsoidSettings
 from garment_sim_ros.sim.state import ColliderState
 
@@ -129,19 +128,9 @@ class Walk:
         self.body = load_body(f"mannequin:vertices={vertices}")
         self.colliders, _ = fit_ellipsoids(self.body, EllipsoidSettings(max_ellipsoids=count))
         self.clip = load_clip("walk")
-        self.retarget = Retargeter(
-            self.clip.rig,
-            self.body,
-            T_world_source=self.clip.T_world_file,
-            reference=self.clip.source_reference,
-        )
-        T0, T1 = self.joints(0.3), self.joints(0.3 + DT)
+        T0, T1 = clip_poses(self.clip, self.body, [0.3, 0.3 + DT])
         self.x0, self.x1 = self.skin(T0), self.skin(T1)
         self.start, self.end = (posed(self.colliders, self.body, T) for T in (T0, T1))
-
-    def joints(self, t: float) -> np.ndarray:
-        """World transforms of the joints."""
-        return self.retarget.world_joints(sample(self.clip, t)).copy()
 
     def skin(self, T: np.ndarray) -> np.ndarray:
         """The posed skin."""
@@ -275,7 +264,7 @@ def figures(rounds: int) -> dict[str, object]:
         ours = Collision(walk, a, b).ms(rounds)
         exact = exact_ms(walk.x0, walk.body.skin.triangles, b, rounds)
         fig_12.append([count, round(ours, 4), round(exact, 3), round(exact / ours, 1)])
-    poses = [walk.joints(float(t)) for t in np.linspace(0.0, walk.clip.times[-1], 30)]
+    poses = clip_poses(walk.clip, walk.body, 30)
     state = ColliderState.of(walk.colliders)
     state.end = ColliderPoser(walk.colliders, walk.body).poses(poses[7])
     pair = [(state.refit, state.end, state.origin, state.shapes, state.posed)]

@@ -24,7 +24,6 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.body.loaders.load import load_body
-from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.hulls.hulls import fit_hulls
 from garment_sim_ros.colliders.posing import ColliderPoser
@@ -35,8 +34,8 @@ from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.mocap.sampling import sample
 from garment_sim_ros.params import HullSettings
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers.relaxation import step as relaxation
@@ -52,7 +51,8 @@ _TURNS = 12
 def walked(outfits: Sequence[Garment], colliders: ColliderSet, body: Body) -> dict[str, list[Any]]:
     """What each garment brings to its collisions in 30 steps of the walk, after 1.5 s of it."""
     clip = load_clip("walk")
-    poser, retargeter = ColliderPoser(colliders, body), Retargeter(clip.rig, body)
+    poser = ColliderPoser(colliders, body)
+    joints = clip_poses(clip, body, np.arange(101) / 60 % clip.duration)
     simulation = Simulation(outfits, colliders)
     brought: dict[str, list[Any]] = {name: [] for name in simulation.names}
     seen = itertools.cycle(simulation.names)
@@ -65,12 +65,11 @@ def walked(outfits: Sequence[Garment], colliders: ColliderSet, body: Body) -> di
         return collide(shapes, posed, sides, x, x_start, thickness, friction, contacts)
 
     relaxation.collide = note
-    start = poser.poses(retargeter.world_joints(sample(clip, 0.0))).copy()
+    start = poser.poses(joints[0]).copy()
     frame = 0
     simulation.reset(start)
     for frame in range(100):
-        t = (frame + 1) / 60 % clip.duration
-        end = poser.poses(retargeter.world_joints(sample(clip, t))).copy()
+        end = poser.poses(joints[frame + 1]).copy()
         simulation.advance(start, end, 1 / 60)
         start = end
     relaxation.collide = collide

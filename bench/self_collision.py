@@ -17,13 +17,12 @@ import numpy as np
 from naive.naive_self_collision import crossings
 
 from garment_sim_ros.body.loaders.load import load_body
-from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT
+from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.mocap.sampling import sample
 from garment_sim_ros.sim.self_collision.garment import own_distance
 from garment_sim_ros.sim.simulation import Simulation
 
@@ -42,11 +41,9 @@ def main() -> None:
     colliders = fit_colliders(body)
     garments = load_outfit(DEFAULT_OUTFIT, body, colliders=colliders).garments
     clip = load_clip(options.clip)
-    retargeter, poser = Retargeter(clip.rig, body), ColliderPoser(colliders, body)
-    path = [
-        poser.poses(retargeter.world_joints(sample(clip, n * FRAME))).copy()
-        for n in range(int(options.seconds / FRAME) + 1)
-    ]
+    poser = ColliderPoser(colliders, body)
+    times = FRAME * np.arange(int(options.seconds / FRAME) + 1)
+    path = [poser.poses(T).copy() for T in clip_poses(clip, body, times)]
     with_it = [
         dataclasses.replace(g, self_collision=own_distance(g.vertices, g.triangles, g.material))
         for g in garments

@@ -21,14 +21,13 @@ import numpy as np
 from drape import Unit
 
 from garment_sim_ros.body.loaders.load import load_body
-from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.mocap.sampling import sample
 from garment_sim_ros.params import ColliderOptions, RelaxationSettings, XpbdSettings
 from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh
 from garment_sim_ros.sim.simulation import Simulation
@@ -77,12 +76,8 @@ class Walk:
 
     def __init__(self, body: str, clip: str, seconds: float) -> None:
         self.body = load_body(body)
-        motion = load_clip(clip)
-        retargeter = Retargeter(motion.rig, self.body)
         frames = round(seconds / FRAME) + 1
-        self.joints = [
-            retargeter.world_joints(sample(motion, n * FRAME)).copy() for n in range(frames)
-        ]
+        self.joints = clip_poses(load_clip(clip), self.body, FRAME * np.arange(frames))
         skinner = Skinner(self.body.skin)
         self.skins = {n: skinner.vertices(self.joints[n]).copy() for n in range(60, frames, EVERY)}
 

@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +56,7 @@ def lower_limits() -> list[str]:
         for line in ast.parse((REPOSITORY / "setup.py").read_text()).body
         if isinstance(line, ast.Assign) and ast.unparse(line.targets[0]) in ("REQUIRES", "TEST")
     ]
-    found = re.findall(r"^([\w-]+)>=(\d+)([\d.]*)", "\n".join(sum(lists, [])), re.MULTILINE)
+    found = re.findall(r"^([\w-]+)>=(\d+)([\d.]*)", "\n".join(chain(*lists)), re.MULTILINE)
     return [f"{name}=={first}{rest or '.0'}.*" for name, first, rest in found]
 
 

@@ -1,12 +1,12 @@
 """A clip as poses of a body: what measures a body over a motion starts here."""
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.mocap.clip import Clip
-from garment_sim_ros.mocap.sampling import sample
+from garment_sim_ros.mocap.sampling import ClipSampler
 
 FloatArray = NDArray[np.float64]
 
@@ -22,13 +22,14 @@ def retargeter(clip: Clip, body: Body) -> Retargeter:
     )
 
 
-def clip_poses(clip: Clip, body: Body, count: int) -> list[FloatArray]:
-    """A body in evenly spaced poses of a clip, its first and last among them.
+def clip_poses(clip: Clip, body: Body, times: int | ArrayLike) -> list[FloatArray]:
+    """A body in poses of a clip.
 
     Args:
         clip: The motion.
         body: Rig and skin.
-        count: Number of poses.
+        times: Since the clip's start [s]; or a number of poses, evenly spaced, the clip's first
+            and last among them.
 
     Returns:
         World transforms of the rig's joints in each pose, shape [n, 4, 4].
@@ -36,6 +37,10 @@ def clip_poses(clip: Clip, body: Body, count: int) -> list[FloatArray]:
     Raises:
         GeometryError: One of the two has no known hips, or no pair of hips or shoulders.
     """
-    to_body = retargeter(clip, body)
-    times = np.linspace(clip.times[0], clip.times[-1], count)
-    return [to_body.world_joints(sample(clip, float(t))).copy() for t in times]
+    to_body, sampler = retargeter(clip, body), ClipSampler(clip, "once")
+    if isinstance(times, int):
+        times = np.linspace(clip.times[0], clip.times[-1], times)
+    return [
+        to_body.world_joints(sampler.sample(float(t))).copy()
+        for t in np.asarray(times, np.float64)
+    ]

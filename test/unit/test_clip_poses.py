@@ -1,7 +1,10 @@
 """Bodies in the poses of a clip."""
 
+import sys
+
 import numpy as np
 import pytest
+from conftest import REPOSITORY
 
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.colliders.hulls.hulls import fit_hulls
@@ -18,6 +21,33 @@ def test_poses_are_spread_over_the_clip_and_independent():
     ways = np.linalg.norm(np.diff([T[hips, :3, 3] for T in poses], axis=0), axis=1)
     assert (ways > 0.1).all()
     np.testing.assert_allclose([T[:, 3] for T in poses], [[[0, 0, 0, 1]] * len(body.rig)] * 4)
+
+
+def upright(body, T_world_joint):
+    """How far up the head is over the hips, over their distance."""
+    place = {b: T_world_joint[body.rig.index(body.humanoid[b]), :3, 3] for b in ("hips", "head")}
+    way = place["head"] - place["hips"]
+    return way[2] / np.linalg.norm(way)
+
+
+def test_poses_at_times_have_the_clips_own_axes(data_file):
+    body = load_body("mannequin:vertices=1000")
+    clip = load_clip(data_file("mocap", "rokoko_jesse_dance.bvh"))
+    assert not np.allclose(clip.T_world_file[:3, :3], np.eye(3))  # y is up in the file
+    poses = clip_poses(clip, body, [0.5, 1.0])
+    assert min(upright(body, T) for T in poses) > 0.7
+    np.testing.assert_array_equal(poses[1], clip_poses(clip, body, [1.0])[0])
+
+
+def test_bodies_of_the_trade_off_stand_on_the_ground(data_file, monkeypatch):
+    monkeypatch.syspath_prepend(REPOSITORY / "bench")
+    tradeoff = pytest.importorskip("tradeoff")
+    clip = data_file("mocap", "rokoko_jesse_dance.bvh")
+    walk = tradeoff.Walk("mannequin:vertices=1000", str(clip), 0.1)
+    for module in ("tradeoff", "drape", "hulls"):
+        sys.modules.pop(module, None)
+    hips = walk.body.rig.index(walk.body.humanoid["hips"])
+    assert min(T[hips, 2, 3] for T in walk.joints) > 0.5
 
 
 @pytest.mark.parametrize("clip", ["rokoko_jesse_dance", "deepmimic_dance_a"])

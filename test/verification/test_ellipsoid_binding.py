@@ -7,7 +7,6 @@ import pytest
 
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.load import load_body
-from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.colliders.description import from_json, to_json
 from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import fit_ellipsoids
 from garment_sim_ros.colliders.posing import ColliderPoser
@@ -17,8 +16,8 @@ from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError, MessageError
 from garment_sim_ros.geometry.mvee import mvee
 from garment_sim_ros.geometry.transforms import transform_from, transform_points
+from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.mocap.sampling import sample
 from garment_sim_ros.params import EllipsoidSettings
 from garment_sim_ros.sim.state import ColliderState
 
@@ -47,13 +46,9 @@ def test_rest_pose_holds_the_skin(worn):
 
 def test_plain_twin(worn):
     body, colliders = worn
-    clip = load_clip("walk")
-    retarget = Retargeter(
-        clip.rig, body, T_world_source=clip.T_world_file, reference=clip.source_reference
-    )
     origin = np.array([0.5, -0.25, 1.0])
-    for t in (0.1, 0.4):
-        poses = ColliderPoser(colliders, body).poses(retarget.world_joints(sample(clip, t)))
+    for T_world_joint in clip_poses(load_clip("walk"), body, [0.1, 0.4]):
+        poses = ColliderPoser(colliders, body).poses(T_world_joint)
         state = ColliderState.of(colliders)
         state.start = state.end = poses
         state.origin[:] = origin
@@ -156,14 +151,8 @@ def test_less_skin_outside_than_without_over_a_clip(case, data_file):
     name, motion = case
     body = load_body(name if name == "mannequin" else data_file("bodies", name))
     clip = load_clip(motion if motion == "walk" else data_file("mocap", motion))
-    retarget = Retargeter(
-        clip.rig, body, T_world_source=clip.T_world_file, reference=clip.source_reference
-    )
     colliders, _ = fit_ellipsoids(body, EllipsoidSettings(max_ellipsoids=60))
-    poses = [
-        retarget.world_joints(sample(clip, t)).copy() for t in np.linspace(0, clip.times[-1], 6)
-    ]
-    report = motion_report(body, colliders, poses)
+    report = motion_report(body, colliders, clip_poses(clip, body, 6))
     static = report["static"]
     assert static["outside_mm_max"] > 3.0
     assert report["outside_mm_mean"] < 0.6 * static["outside_mm_mean"]

@@ -8,13 +8,12 @@ import pytest
 from scipy.spatial import cKDTree
 
 from garment_sim_ros.body.loaders.load import load_body
-from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.colliders.capsules.capsules import fit_capsules
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.mocap.sampling import sample
 from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.simulation import Simulation
 
@@ -102,12 +101,10 @@ def test_a_shirt_stays_over_the_skirt_of_a_walking_body():
     body = load_body("mannequin")
     colliders = fit_capsules(body)
     garments = load_outfit("tshirt_short_skirt", body, colliders=colliders).garments
-    clip = load_clip("walk")
-    retargeter, poser = Retargeter(clip.rig, body), ColliderPoser(colliders, body)
+    poser = ColliderPoser(colliders, body)
     simulation = Simulation(garments, colliders)
-    path = [
-        poser.poses(retargeter.world_joints(sample(clip, n * FRAME))).copy() for n in range(61)
-    ]
+    walk = clip_poses(load_clip("walk"), body, FRAME * np.arange(61))
+    path = [poser.poses(T).copy() for T in walk]
     simulation.reset(path[0])
     triangles = simulation.model("skirt").triangles
     met = crossed = 0

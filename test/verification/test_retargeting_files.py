@@ -9,6 +9,7 @@ from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skinning import skin_vertices
+from garment_sim_ros.mocap import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.source_urdf import reference_from_urdf, urdf_from_clip
 
@@ -46,19 +47,10 @@ def clip(request, data_file):
     return load_clip(data_file("mocap", f"{request.param}.bvh"))
 
 
-def _retargeter(clip, body):
-    return Retargeter(
-        clip.rig,
-        body,
-        T_world_source=clip.T_world_file,
-        reference=clip.source_reference,
-    )
-
-
 @pytest.mark.parametrize("name", BODIES)
 def test_the_body_does_what_the_clip_does(clip, bodies, name):
     body = bodies[name]
-    retargeter = _retargeter(clip, body)
+    retargeter = clip_poses.retargeter(clip, body)
     assert not retargeter.notes
     kinematics = ForwardKinematics(clip.rig)
     source = {
@@ -100,7 +92,7 @@ def test_the_body_does_what_the_clip_does(clip, bodies, name):
 def test_feet_touch_the_ground_and_do_not_sink(clip, bodies, name, depth):
     """The skin's lowest point, as a share of the height; CesiumMan has large shoes and hands."""
     body = bodies[name]
-    retargeter = _retargeter(clip, body)
+    retargeter = clip_poses.retargeter(clip, body)
     tall = np.ptp(body.skin.vertices[:, 2])
     lowest = np.array(
         [
@@ -116,7 +108,7 @@ def test_the_way_through_a_urdf_gives_the_same(clip, bodies):
     body = bodies["mh_female_young"]
     text = urdf_from_clip(clip)
     rig = parse_urdf(text)
-    direct = _retargeter(clip, body)
+    direct = clip_poses.retargeter(clip, body)
     online = Retargeter(rig, body, reference=reference_from_urdf(text))
     for q in clip.values[:: max(1, len(clip.values) // 5)]:
         np.testing.assert_allclose(online.world_joints(q), direct.world_joints(q), atol=1e-9)
