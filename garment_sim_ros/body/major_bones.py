@@ -44,12 +44,15 @@ class MajorBones:
         joint: Joint index of each, shape [m].
         parent: Major bone above each, -1 for the topmost, shape [m].
         owner: Index of the major bone that each joint of the rig belongs to, shape [n].
+        root: Joint that the body as a whole moves with: the hips, whether they carry skin or not;
+            the topmost major bone where no joint is known to be the hips.
     """
 
     names: tuple[str, ...]
     joint: IntArray
     parent: IntArray
     owner: IntArray
+    root: str
 
     def __len__(self) -> int:
         return len(self.names)
@@ -64,9 +67,10 @@ def major_bones(body: Body, *, also: tuple[str, ...] = ()) -> MajorBones:
     """
     carried = joint_areas(body.skin)
     named = {body.rig.index(body.humanoid[b]) for b in (*HUMAN_MAJOR, *also) if b in body.humanoid}
+    origin = rest_transforms(body.rig)[:, :3, 3]
+    last = {j: _end_of_ball_joint(j, named, body.rig.parent, origin, carried) for j in named}
     if len(named) >= _MIN_HUMAN_BONES:
-        origin = rest_transforms(body.rig)[:, :3, 3]
-        chosen = {_end_of_ball_joint(j, named, body.rig.parent, origin, carried) for j in named}
+        chosen = set(last.values())
     else:
         chosen = _by_size(body.rig.parent, carried)
     owner_joint = _nearest_chosen(body.rig.parent, chosen)
@@ -79,11 +83,15 @@ def major_bones(body: Body, *, also: tuple[str, ...] = ()) -> MajorBones:
     above = body.rig.parent[joint]
     parent = np.where(above >= 0, np.searchsorted(joint, owner_joint[above]), -1)
     parent[parent >= np.arange(len(joint))] = -1
+    root = joint[0]
+    if "hips" in body.humanoid:
+        root = last[body.rig.index(body.humanoid["hips"])]
     return MajorBones(
         names=tuple(body.rig.joint_names[j] for j in joint),
         joint=joint,
         parent=parent.astype(np.int32),
         owner=np.searchsorted(joint, owner_joint).astype(np.int32),
+        root=body.rig.joint_names[root],
     )
 
 

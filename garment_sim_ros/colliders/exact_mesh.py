@@ -22,7 +22,10 @@ def fit_mesh(body: Body, *, thickness: float = 0.002) -> ColliderSet:
     if len(skin.triangles) == 0:
         raise GeometryError(f"body {body.name!r} has no triangles to collide with")
     moving = skin.bone[skin.weight > 0.0]
-    joints = np.union1d(major_bones(body).joint, moving)
+    bones = major_bones(body)
+    root = body.rig.index(bones.root)
+    others = np.setdiff1d(np.union1d(bones.joint, moving), [root])
+    joints = np.concatenate([[root], others])  # see `ColliderSet.root`
     names = [body.rig.joint_names[j] for j in joints]
     number = np.zeros(len(body.rig), np.int32)
     number[joints] = np.arange(len(joints))

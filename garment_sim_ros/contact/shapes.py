@@ -8,6 +8,7 @@ nor fitting: it sees a set and, every step, one world pose for each of its colli
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,6 +159,14 @@ class ColliderSet:
             poses.position[i] = T[:3, 3]
             poses.orientation[i] = quaternion_from_matrix(T[:3, :3])
         return poses
+
+    @cached_property
+    def root(self) -> int:
+        """The collider that moves as the body as a whole does: the first frame, else the first.
+
+        Sets that are fitted to a body begin their frames with that of its hips.
+        """
+        return next((i for i, c in enumerate(self.colliders) if c.kind == "frame"), 0)
 
     @property
     def revision(self) -> str:

@@ -66,7 +66,11 @@ class ClothStepper:
         self.delay = delay
         self._step = round(simulation.solver_step * _SECOND)
         self._most_steps = max(1, round(catch_up * _SECOND) // self._step)
-        self._jump = {"speed": teleport_speed, "turn_rate": teleport_turn_rate}
+        self._jump = {
+            "root": simulation.collider_set.root,
+            "speed": teleport_speed,
+            "turn_rate": teleport_turn_rate,
+        }
         self._on_teleport = on_teleport
         self._order = StampOrder(time_jump)
         self._buffer = PoseBuffer()

@@ -143,7 +143,9 @@ class Simulation:
             check_earliest(self.collider_set)
         self._parameters = parameters
         self._taken_out = TakenOut(
-            parameters.environment.root_linear_inertia, parameters.environment.root_angular_inertia
+            parameters.environment.root_linear_inertia,
+            parameters.environment.root_angular_inertia,
+            self.collider_set.root,
         )
         self._wind = {n: WindOnCloth(field, w.model) for n, w in self._worn.items() if field}
 

@@ -76,8 +76,12 @@ def fit_spheres(body: Body, *, delta: float = 0.0, thickness: float = 0.002) -> 
 
 
 def frame_colliders(bones: MajorBones) -> tuple[Collider, ...]:
-    """One ``frame_<joint>`` per major bone: what attachments and skinned shapes ride on."""
-    return tuple(Collider(name=f"frame_{name}", kind="frame", bone=name) for name in bones.names)
+    """One ``frame_<joint>`` per major bone: what attachments and skinned shapes ride on.
+
+    That of the body's root is the first, see `ColliderSet.root`.
+    """
+    names = dict.fromkeys((bones.root, *bones.names))
+    return tuple(Collider(name=f"frame_{name}", kind="frame", bone=name) for name in names)
 
 
 def _fit(body: Body, delta: float, thickness: float, *, spheres: bool) -> ColliderSet:

@@ -102,6 +102,8 @@ def _refitted_at_joints(
     """The same, of which those at joints carry their points; frames will follow them."""
     bones = major_bones(body, also=_ALSO)
     weights = bone_weights(body.skin, bones)
+    frame = {f.bone: len(colliders) + i for i, f in enumerate(frame_colliders(bones))}
+    frames = np.array([frame[name] for name in bones.names], np.int32)
     motions = _random_poses(body, bones)
     x = body.skin.vertices
     result = []
@@ -118,7 +120,7 @@ def _refitted_at_joints(
         T_bone_bind = body.skin.T_bone_bind[bones.joint[mine]]
         geometry = {
             **collider.geometry,
-            "frames": (len(colliders) + mine).astype(np.int32),
+            "frames": frames[mine],
             "points": np.stack([transform_points(T, x[members[kept]]) for T in T_bone_bind]),
             "weights": np.ascontiguousarray(share[kept].T),
             "inflation": delta,

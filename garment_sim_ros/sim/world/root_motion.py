@@ -28,11 +28,10 @@ _FASTEST = 100.0
 class TakenOut:
     """The part of a step's root motion that the cloth does not feel: a rigid motion.
 
-    The root is the first collider of the set, in most the hips.
-
     Args:
         linear_inertia: Fraction of the root's translation that the cloth feels, from 0 to 1.
         angular_inertia: Fraction of its rotation.
+        root: The collider whose motion it is, see `ColliderSet.root`.
 
     Attributes:
         pivot: The root at the start of the step, in the world [m], shape [3].
@@ -41,9 +40,10 @@ class TakenOut:
         outran: Whether the root was faster in the last step than cloth can feel.
     """
 
-    def __init__(self, linear_inertia: float, angular_inertia: float) -> None:
+    def __init__(self, linear_inertia: float, angular_inertia: float, root: int = 0) -> None:
         self._linear = 1.0 - linear_inertia
         self._angular = 1.0 - angular_inertia
+        self._root = root
         self.pivot = np.zeros(3)
         self.turn = np.array([0.0, 0.0, 0.0, 1.0])
         self.way = np.zeros(3)
@@ -60,7 +60,7 @@ class TakenOut:
         Returns:
             Whether there is any; if not, nothing is done.
         """
-        way = math.dist(start.position[0], end.position[0])
+        way = math.dist(start.position[self._root], end.position[self._root])
         self.outran = way * (1.0 - self._linear) > _FASTEST * dt
         linear = 1.0 - _FASTEST * dt / way if self.outran else self._linear
         if linear == 0.0 and self._angular == 0.0:
@@ -72,6 +72,7 @@ class TakenOut:
             end.orientation,
             linear,
             self._angular,
+            self._root,
             self.pivot,
             self.turn,
             self.way,
@@ -81,17 +82,17 @@ class TakenOut:
 
 @kernel()
 def begin_step(
-    position0, orientation0, position1, orientation1, linear, angular, pivot, turn, way
+    position0, orientation0, position1, orientation1, linear, angular, root, pivot, turn, way
 ):
     """See `TakenOut.begin_step`."""
-    q0, q1 = orientation0[0], orientation1[0]
+    q0, q1 = orientation0[root], orientation1[root]
     turned = quaternion_multiply(q1[0], q1[1], q1[2], q1[3], -q0[0], -q0[1], -q0[2], q0[3])
     part = slerp(0.0, 0.0, 0.0, 1.0, turned[0], turned[1], turned[2], turned[3], angular)
     for k in range(4):
         turn[k] = part[k]
     for k in range(3):
-        pivot[k] = position0[0, k]
-        way[k] = linear * (position1[0, k] - position0[0, k])
+        pivot[k] = position0[root, k]
+        way[k] = linear * (position1[root, k] - position0[root, k])
     for c in range(position0.shape[0]):
         place = rotate(
             turn[0],
