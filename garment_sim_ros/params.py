@@ -163,6 +163,9 @@ class MocapPlayerParameters:
     """Parameters of the node `mocap_player`."""
 
     clip: str = parameter("walk", "BVH file, rosbag2 or the built-in 'walk'.")
+    bone_names: str = parameter(
+        "", "YAML file: humanoid bone to joint of a BVH file, where names do not tell."
+    )
     rate: float = parameter(
         0.0, "Messages per second; 0: as the clip.", unit="Hz", minimum=0.0, maximum=1000.0
     )
@@ -285,6 +288,12 @@ class _Avatar:
     bone_names: str = parameter(
         "", "YAML file: humanoid bone to joint of robot_description, where names do not tell."
     )
+    body_bone_names: str = parameter(
+        "", "YAML file: humanoid bone to joint of the body, where names do not tell."
+    )
+    ground_feet: bool = parameter(
+        True, "Feet that stand in the source stand on the ground, without sliding."
+    )
     colliders: str = parameter("", "File that `fit` wrote; empty: fitted at the start.")
     cache: bool = parameter(
         True, "Keep fits beside the body, or in the user's cache folder, and use them again."
@@ -312,6 +321,9 @@ class ClothNodeParameters:
     """Parameters of the node `cloth_node`."""
 
     body: str = parameter("mannequin", "The body that the garments are made for.")
+    body_bone_names: str = parameter(
+        "", "YAML file: humanoid bone to joint of the body, where names do not tell."
+    )
     outfit: str = parameter("", "Outfit file; empty: a T-shirt and a short skirt.")
     rate: float = parameter(60.0, "Frames per second.", unit="Hz", minimum=1.0, maximum=1000.0)
     delay: float = parameter(

@@ -1,204 +1,80 @@
 """Which joint of a rig is which bone of a human, decided by joint names and hierarchy.
 
-Names are compared whole, after lower-casing and dropping separators, with one table per naming
-convention; the convention that explains most joints wins. A joint that no table names stays
-unmapped: nothing is guessed from its position.
+Names are compared whole, after lower-casing and dropping separators and what all joints of the rig
+begin or end with, with one table per naming convention (`rig_names`); the convention that explains
+most joints wins. A joint that no table names stays unmapped: nothing is guessed from its position.
 """
 
+import functools
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from garment_sim_ros.body.rig_names import ARM, CONVENTIONS, LEG, MIDDLE, PREFERRED, SIDES
 from garment_sim_ros.body.skin import HUMANOID_BONES
 from garment_sim_ros.errors import InputFileError, ParameterError
 
 _MAX_OVERRIDE_BYTES = 100_000
 
 
-@dataclass(frozen=True)
-class _Convention:
-    """Joint names of one kind of rig, normalised as by `_normalise`.
-
-    Attributes:
-        hips: Names of the pelvis joint.
-        trunk: Names of the joints between pelvis and neck, from any of which the rig may leave
-            some out.
-        neck: Names of the neck's joints, lowest first; the first one present is the neck.
-        head: Names of the head joint.
-        limbs: Part name (as in ``left<Part>``) to joint names in which ``{s}`` is the side, or
-            one side's bone to its joint names.
-        sides: What stands for left and right.
-    """
-
-    hips: tuple[str, ...]
-    trunk: tuple[str, ...]
-    neck: tuple[str, ...]
-    head: tuple[str, ...]
-    limbs: dict[str, tuple[str, ...]]
-    sides: tuple[str, str] = ("l", "r")
-
-
-_CONVENTIONS: dict[str, _Convention] = {
-    "VRM": _Convention(
-        hips=("hips", "jbipchips"),
-        trunk=("spine", "chest", "upperchest", "jbipcspine", "jbipcchest", "jbipcupperchest"),
-        neck=("neck", "jbipcneck"),
-        head=("head", "jbipchead"),
-        limbs={
-            part: (f"{{s}}{part.lower()}", f"jbip{{s[0]}}{vroid}")
-            for part, vroid in (
-                ("Shoulder", "shoulder"),
-                ("UpperArm", "upperarm"),
-                ("LowerArm", "lowerarm"),
-                ("Hand", "hand"),
-                ("UpperLeg", "upperleg"),
-                ("LowerLeg", "lowerleg"),
-                ("Foot", "foot"),
-                ("Toes", "toebase"),
-            )
-        },
-        sides=("left", "right"),
-    ),
-    # Mixamo, Rokoko, FAIR, LAFAN and the CMU conversions that call the thigh LeftUpLeg.
-    "Mixamo": _Convention(
-        hips=("hips",),
-        trunk=("lowerback", "spine", "spine1", "spine2", "spine3", "spine4"),
-        neck=("neck", "neck1"),
-        head=("head",),
-        limbs={
-            "Shoulder": ("{s}shoulder",),
-            "UpperArm": ("{s}arm",),
-            "LowerArm": ("{s}forearm",),
-            "Hand": ("{s}hand",),
-            "UpperLeg": ("{s}upleg",),
-            "LowerLeg": ("{s}leg",),
-            "Foot": ("{s}foot",),
-            "Toes": ("{s}toebase", "{s}toe"),
-        },
-        sides=("left", "right"),
-    ),
-    # Joints called after the anatomical joint, as in DeepMimic and the other CMU conversions:
-    # here LeftShoulder is the upper arm.
-    "anatomical": _Convention(
-        hips=("hips", "hip", "root", "pelvis"),
-        trunk=("lowerback", "torso", "spine", "chest", "chest2", "chest3", "chest4"),
-        neck=("lowerneck", "neck"),
-        head=("head",),
-        limbs={
-            "Shoulder": ("{s}collar", "{s}clavicle"),
-            "UpperArm": ("{s}shoulder",),
-            "LowerArm": ("{s}elbow",),
-            "Hand": ("{s}wrist",),
-            "UpperLeg": ("{s}hip",),
-            "LowerLeg": ("{s}knee",),
-            "Foot": ("{s}ankle",),
-            "Toes": ("{s}toe", "{s}toes"),
-        },
-        sides=("left", "right"),
-    ),
-    "MakeHuman": _Convention(
-        hips=("root",),
-        trunk=("spine05", "spine04", "spine03", "spine02", "spine01"),
-        neck=("neck01", "neck02", "neck03"),
-        head=("head",),
-        limbs={
-            "Shoulder": ("clavicle{s}",),
-            "UpperArm": ("upperarm01{s}",),
-            "LowerArm": ("lowerarm01{s}",),
-            "Hand": ("wrist{s}",),
-            "UpperLeg": ("upperleg01{s}",),
-            "LowerLeg": ("lowerleg01{s}",),
-            "Foot": ("foot{s}",),
-            # The default rig has no joint for all toes; the big toe's would move only itself.
-        },
-    ),
-    # REP-155 links without their _<id>; head_<id> is fixed to p_head_<id>, where it turns.
-    "ROS4HRI": _Convention(
-        hips=("body",),
-        trunk=("waist", "torso"),
-        neck=(),
-        head=("phead",),
-        limbs={
-            "UpperArm": ("{s}shoulder",),
-            "LowerArm": ("{s}elbow",),
-            "Hand": ("{s}wrist",),
-            "UpperLeg": ("{s}hip",),
-            "LowerLeg": ("{s}knee",),
-            "Foot": ("{s}ankle",),
-        },
-    ),
-    "CesiumMan": _Convention(
-        hips=("torsojoint1",),
-        trunk=("torsojoint2", "torsojoint3"),
-        neck=("neckjoint1",),
-        head=("neckjoint2",),
-        limbs={
-            # The two arms are numbered in opposite directions.
-            "leftUpperArm": ("armjointl4",),
-            "leftLowerArm": ("armjointl3",),
-            "leftHand": ("armjointl2",),
-            "rightUpperArm": ("armjointr",),
-            "rightLowerArm": ("armjointr2",),
-            "rightHand": ("armjointr3",),
-            "UpperLeg": ("legjoint{s}1",),
-            "LowerLeg": ("legjoint{s}2",),
-            "Foot": ("legjoint{s}3",),
-            "Toes": ("legjoint{s}5",),
-        },
-    ),
-    "Unreal": _Convention(
-        hips=("pelvis",),
-        trunk=("spine01", "spine02", "spine03", "spine04", "spine05"),
-        neck=("neck01", "neck02"),
-        head=("head",),
-        limbs={
-            "Shoulder": ("clavicle{s}",),
-            "UpperArm": ("upperarm{s}",),
-            "LowerArm": ("lowerarm{s}",),
-            "Hand": ("hand{s}",),
-            "UpperLeg": ("thigh{s}",),
-            "LowerLeg": ("calf{s}",),
-            "Foot": ("foot{s}",),
-            "Toes": ("ball{s}",),
-        },
-    ),
-    "SMPL": _Convention(
-        hips=("pelvis",),
-        trunk=("spine1", "spine2", "spine3"),
-        neck=("neck",),
-        head=("head",),
-        limbs={
-            "Shoulder": ("{s}collar",),
-            "UpperArm": ("{s}shoulder",),
-            "LowerArm": ("{s}elbow",),
-            "Hand": ("{s}wrist",),
-            "UpperLeg": ("{s}hip",),
-            "LowerLeg": ("{s}knee",),
-            "Foot": ("{s}ankle",),
-            "Toes": ("{s}foot",),
-        },
-    ),
-}
-
+_SEPARATORS = re.compile(r"[\s_.:|\-]+")
 _PREFIX = re.compile(r"^(?:.*[:|])?(?:mixamorig\d*_?|skeleton_)?", re.IGNORECASE)
-_SEPARATORS = re.compile(r"[\s_.\-]+")
+_NUMBERED = re.compile(r"_\d+$")
+_FEWEST = 8
+"""So many joints with the same beginning or end may be called so for what they belong to."""
+_MOST_TRIED = 6
+_DEEPEST = 4
+"""Separators from a name's end within which a shared beginning or end may stop."""
 
 
 def _normalise(name: str) -> str:
-    return _SEPARATORS.sub("", _PREFIX.sub("", name)).lower()
+    return _SEPARATORS.sub("", name).lower()
 
 
-def _without_person_id(names: Sequence[str]) -> list[str]:
-    """REP-155 names end in ``_<id>``, the same for all links of a person: left out here."""
-    for name in names:
-        if name.startswith("body_") and f"torso_{name[5:]}" in names:
-            return [other.removesuffix(name[4:]) for other in names]
-    return list(names)
+def _shared(parts: Iterable[list[str]], total: int, least: float) -> list[str]:
+    """Beginnings or ends that many names share, the most common first; "" always."""
+    count = Counter(part for some in parts for part in some)
+    enough = max(_FEWEST, least * total)
+    common = [part for part, n in count.most_common(_MOST_TRIED) if n >= enough]
+    return ["", *common]
+
+
+def _spellings(joint_names: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
+    """The names without what they share: the beginning left out, and a name per joint.
+
+    The name is empty for joints that do not begin, or end, with what is left out.
+    """
+    joint_names = [_PREFIX.sub("", name) for name in joint_names]
+    numbers = {m.group() for m in map(_NUMBERED.search, joint_names) if m}
+    if len(numbers) > 0.9 * len(joint_names):  # a number of its own for each, from an exporter
+        joint_names = [_NUMBERED.sub("", name) for name in joint_names]
+    cuts = [[m.span() for m in _SEPARATORS.finditer(name)] for name in joint_names]
+    begins = _shared(
+        ([name[:e] for _, e in at[:_DEEPEST]] for name, at in zip(joint_names, cuts)),
+        len(joint_names),
+        0.1,
+    )
+    ends = _shared(
+        ([name[b:] for b, _ in at[-_DEEPEST:]] for name, at in zip(joint_names, cuts)),
+        len(joint_names),
+        0.5,
+    )
+    for begin in begins:
+        for end in ends:
+            yield (
+                _normalise(begin),
+                [
+                    _normalise(name[len(begin) : len(name) - len(end)])
+                    if name.startswith(begin) and name.endswith(end)
+                    else ""
+                    for name in joint_names
+                ],
+            )
 
 
 def _ancestors(joint: int, parent: Sequence[int] | NDArray[np.int32]) -> list[int]:
@@ -209,11 +85,10 @@ def _ancestors(joint: int, parent: Sequence[int] | NDArray[np.int32]) -> list[in
     return path
 
 
-def _trunk_bones(joints: list[int], convention: str, normalised: list[str]) -> dict[str, int]:
+def _trunk_bones(joints: list[int], names: list[str], certain: dict[str, str]) -> dict[str, int]:
     """Share spine, chest and upperChest out among the trunk's joints, lowest first."""
-    if convention == "VRM":  # its names are those of the bones, however many there are
-        keys = {"spine": "spine", "upperchest": "upperChest", "chest": "chest"}
-        return {keys[normalised[j].removeprefix("jbipc")]: j for j in joints}
+    if certain:
+        return {certain[name]: joint for joint, name in zip(joints, names)}
     if not joints:
         return {}
     if len(joints) == 1:
@@ -223,36 +98,73 @@ def _trunk_bones(joints: list[int], convention: str, normalised: list[str]) -> d
     return {"spine": joints[0], "chest": joints[len(joints) // 2], "upperChest": joints[-1]}
 
 
+def _sided(names: str, side: str) -> list[str]:
+    """All that one side's joint may be called."""
+    spelled = []
+    for name in names.split():
+        if "{s}" in name:
+            spelled += [name.format(s=word) for word in SIDES[side]]
+        elif name != "-":
+            spelled += [f"{word}{name}" for word in SIDES[side]]
+            spelled += [f"{name}{word}" for word in SIDES[side]]
+    return spelled
+
+
+def _central(names: str) -> list[str]:
+    """All that a joint in the middle may be called."""
+    return [
+        spelled
+        for name in names.split()
+        for word in MIDDLE
+        for spelled in dict.fromkeys((f"{word}{name}", f"{name}{word}"))
+    ]
+
+
+@functools.cache
+def _names_of(convention: str) -> tuple[dict[str, list[str]], dict[str, str], bool]:
+    """A convention spelled out.
+
+    Returns:
+        Bone to joint names; the trunk's joint names to bones; whether these are certain.
+    """
+    table = CONVENTIONS[convention]
+    names = {"hips": _central(table.hips), "neck": _central(table.neck)}
+    names["head"] = _central(table.head)
+    for part, called in zip((*ARM, *LEG), (*table.arm, *table.leg)):
+        for side in SIDES:
+            names[f"{side}{part}"] = _sided(called, side)
+    names.update((bone, called.split()) for bone, called in table.single)
+    trunk = {}
+    for entry in table.trunk.split():
+        name, _, bone = entry.partition("=")
+        trunk.update(dict.fromkeys(_central(name), bone))
+    return names, trunk, all(trunk.values())
+
+
 def _match(
-    convention: str, normalised: list[str], parent: Sequence[int] | NDArray[np.int32]
+    convention: str, spelled: list[str], parent: Sequence[int] | NDArray[np.int32]
 ) -> dict[str, int]:
     """Bones that one convention finds: bone name to joint index."""
-    table = _CONVENTIONS[convention]
+    names, trunk, certain = _names_of(convention)
     joint_of: dict[str, int] = {}
-    for joint, name in enumerate(normalised):
+    for joint, name in enumerate(spelled):
         joint_of.setdefault(name, joint)
-
-    def first(names: Sequence[str]) -> int | None:
-        return next((joint_of[name] for name in names if name in joint_of), None)
-
-    found: dict[str, int | None] = {
-        "hips": first(table.hips),
-        "neck": first(table.neck),
-        "head": first(table.head),
-    }
-    for part, names in table.limbs.items():
-        if part in HUMANOID_BONES:
-            found[part] = first(names)
-            continue
-        for side, word in zip(("left", "right"), table.sides):
-            found[side + part] = first([name.format(s=word) for name in names])
+    joint_of.pop("", None)
+    found = {}
+    for bone, called in names.items():
+        at = next((joint_of[name] for name in called if name in joint_of), None)
+        if at is not None:
+            found[bone] = at
     ends = ("neck", "head", "leftShoulder", "leftUpperArm", "rightShoulder", "rightUpperArm")
-    above = next((found[bone] for bone in ends if found.get(bone) is not None), None)
+    above = next((found[bone] for bone in ends if bone in found), None)
     if above is not None:
-        path = _ancestors(above, parent)[::-1]
-        trunk = [joint for joint in path if normalised[joint] in table.trunk]
-        found.update(_trunk_bones(trunk, convention, normalised))
-    return _consistent({b: j for b, j in found.items() if j is not None}, parent)
+        path = _ancestors(above, parent)[:0:-1]
+        if found.get("hips") in path:
+            path = path[path.index(found["hips"]) + 1 :]
+        between = [joint for joint in path if spelled[joint] in trunk]
+        called = [spelled[joint] for joint in between]
+        found.update(_trunk_bones(between, called, trunk if certain else {}))
+    return _consistent(found, parent)
 
 
 _CHAINS: tuple[tuple[str, ...], ...] = (
@@ -301,14 +213,28 @@ def humanoid_map(
     Raises:
         ParameterError: An override names an unknown bone or joint.
     """
-    normalised = [_normalise(name) for name in _without_person_id(joint_names)]
     best: dict[str, int] = {}
-    for convention in _CONVENTIONS:
-        found = _match(convention, normalised, parent)
-        if len(found) > len(best):
-            best = found
+    rank = (0, 0)
+    for begin, spelled in _spellings(joint_names):
+        liked = len(PREFERRED) - PREFERRED.index(begin) if begin in PREFERRED else 0
+        for convention in CONVENTIONS:
+            found = _match(convention, spelled, parent)
+            if (len(found), liked) > rank:
+                best, rank = found, (len(found), liked)
     mapping = {bone: joint_names[joint] for bone, joint in best.items()}
-    for bone, joint in (overrides or {}).items():
+    return overridden(mapping, joint_names, overrides or {})
+
+
+def overridden(
+    mapping: Mapping[str, str], joint_names: Sequence[str], overrides: Mapping[str, str | None]
+) -> dict[str, str]:
+    """A mapping with `overrides` as for `humanoid_map`.
+
+    Raises:
+        ParameterError: An override names an unknown bone or joint.
+    """
+    mapping = dict(mapping)
+    for bone, joint in overrides.items():
         if bone not in HUMANOID_BONES:
             raise ParameterError(
                 "humanoid override",

@@ -125,6 +125,7 @@ class Retargeter:
 
     Attributes:
         mapping: Pairs of source and target joint that are driven, by name.
+        source_bones: Humanoid bones that the source is known to have.
         unmapped_source: Source joints that drive nothing.
         unmapped_target: Target joints that no source joint drives: they follow their parents or
             blend between their neighbours.
@@ -186,6 +187,7 @@ class Retargeter:
         self.mapping = tuple(
             (names[source.bones[s]], rig.joint_names[rest.bones[t]]) for s, t in pairs
         )
+        self.source_bones = tuple(source.bones)
         self.unmapped_source = tuple(names[j] for j in _ball_ends(source_rig) if j not in driving)
         self.unmapped_target = tuple(
             name for j, name in enumerate(rig.joint_names) if j not in driven

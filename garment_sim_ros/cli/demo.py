@@ -25,6 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--seconds", metavar="S", type=float, default=8.0, help="to record (default: 8)")
     add("--body", metavar="F", default="mannequin", help="body file (default: mannequin)")
+    add("--body-bone-names", metavar="F", default="", help="YAML file of the body's bones")
+    add("--bone-names", metavar="F", default="", help="YAML file of the clip's bones")
     add("--clip", metavar="F", default="walk", help="BVH or rosbag2 (default: a built-in walk)")
     add("--outfit", metavar="F", default=OUTFIT, help=f"outfit YAML (default: {OUTFIT})")
     add("--out", metavar="DIR", type=Path, default=Path("out/demo"), help="default: out/demo")
@@ -35,11 +37,13 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     began = time.monotonic()
     if not 1.0 <= args.seconds <= 3600.0:
         raise ParameterError("--seconds", f"found {args.seconds:g}", "allowed: 1 to 3600")
-    for option in ("body", "clip", "outfit"):
+    for option in ("body", "body_bone_names", "bone_names", "clip", "outfit"):
         name = getattr(args, option).partition(":")[0]
         # A name without an ending may be a built-in one; the node that loads it knows.
         if Path(name).suffix and not Path(name).exists():
-            raise InputFileError(f"--{option} {name}", "does not exist", "allowed: a file")
+            raise InputFileError(
+                f"--{option.replace('_', '-')} {name}", "does not exist", "allowed: a file"
+            )
     with staged(args.out) as stage:
         first_cloth = _record(args, stage, began)
         from garment_sim_ros.recording.evaluation import evaluate
@@ -50,6 +54,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             args.outfit,
             frame_rate=RATE,
             pictures=stage,
+            bone_names=args.body_bone_names,
             progress=progress,
         )
         summary["first_cloth_s"] = round(first_cloth, 2)
@@ -65,9 +70,12 @@ def _record(args: argparse.Namespace, stage: Path, began: float) -> float:
     """Record the running nodes into ``bag``; returns when the first cloth came [s]."""
     os.environ.update(own_network())
     with NodeProcesses(stage / "logs") as nodes:
-        nodes.start("cloth_node", {"body": args.body, "outfit": args.outfit, "rate": RATE})
-        nodes.start("collider_node", {"body": args.body, "outfit": args.outfit})
-        nodes.start("mocap_player", {"clip": args.clip, "loop": True})
+        worn = {"body": args.body, "outfit": args.outfit}
+        worn["body_bone_names"] = args.body_bone_names
+        nodes.start("cloth_node", {**worn, "rate": RATE})
+        nodes.start("collider_node", {**worn, "bone_names": args.bone_names})
+        clip = {"clip": args.clip, "bone_names": args.bone_names}
+        nodes.start("mocap_player", {**clip, "loop": True})
         try:
             # Only now, so that the nodes start while this loads.
             from garment_sim_ros.ros.recorder import Recorder

@@ -10,6 +10,7 @@ import numpy as np
 from PIL import Image
 
 from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.body.missing_bones import missing_bones_of
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.colliders.capsules.capsules import fit_capsules, fit_spheres
@@ -53,6 +54,12 @@ METHODS = ("capsule", "sphere", "ellipsoid", "hull", "sdf", "auto", "mesh")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("body", metavar="BODY", help="body file, or mannequin")
+    parser.add_argument(
+        "--bone-names",
+        metavar="F.yaml",
+        default="",
+        help="humanoid bone to joint of the body, where names do not tell",
+    )
     parser.add_argument(
         "--method",
         choices=METHODS,
@@ -100,7 +107,9 @@ def _add(group: argparse._ArgumentGroup, flag: str, declared: Declaration) -> No
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Fit, report, draw."""
-    body = load_body(args.body)
+    body = load_body(args.body, bone_names=args.bone_names)
+    if missing := missing_bones_of(body, "--bone-names"):
+        print(missing)
     colliders, told = _fit(body, args)
     for note in body.notes:
         print(f"assumed: {note}")

@@ -26,6 +26,7 @@ def evaluate(
     *,
     frame_rate: float,
     pictures: Path,
+    bone_names: str = "",
     progress: Progress = lambda items, text, total: items,
 ) -> dict[str, Any]:
     """Measure and draw what was recorded.
@@ -36,6 +37,7 @@ def evaluate(
         outfit: What it wore, as `load_outfit` takes it.
         frame_rate: At which frames were due [Hz].
         pictures: Folder for ``preview.png`` and ``preview.gif``.
+        bone_names: File that names the avatar's bones, as `load_body` takes it.
         progress: Passes items on and shows how far it is: a text, and of a total.
 
     Returns:
@@ -45,7 +47,7 @@ def evaluate(
         InputFileError: The bag, body or outfit cannot be used.
     """
     recording = read_recording(bag)
-    avatar = load_body(body)
+    avatar = load_body(body, bone_names=bone_names)
     garments = load_outfit(outfit, avatar).garments
     shown = figures(recording, avatar)
     if len(shown) < 2:

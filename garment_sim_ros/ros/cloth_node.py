@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_srvs.srv import SetBool, Trigger
 
 from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.body.missing_bones import missing_bones_of
 from garment_sim_ros.errors import MessageError, ParameterError
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, read_outfit
 from garment_sim_ros.params import ClothNodeParameters, Environment, declarations
@@ -90,7 +91,9 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             garment_publishers.warm_up()
         # Last: by now `collider_node` may have left it in the cache.
         with reporting(self.get_logger().info, f"load the body {p.body}"):
-            body = load_body(p.body)
+            body = load_body(p.body, bone_names=p.body_bone_names)
+        if missing := missing_bones_of(body, "body_bone_names"):
+            self.get_logger().warning(missing)
         self._dresser = Dresser(
             outfit,
             body,

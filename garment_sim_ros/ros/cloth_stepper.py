@@ -66,11 +66,7 @@ class ClothStepper:
         self.delay = delay
         self._step = round(simulation.solver_step * _SECOND)
         self._most_steps = max(1, round(catch_up * _SECOND) // self._step)
-        self._jump = {
-            "root": simulation.collider_set.root,
-            "speed": teleport_speed,
-            "turn_rate": teleport_turn_rate,
-        }
+        self._jump = {"speed": teleport_speed, "turn_rate": teleport_turn_rate}
         self._on_teleport = on_teleport
         self._order = StampOrder(time_jump)
         self._buffer = PoseBuffer()
@@ -103,7 +99,9 @@ class ClothStepper:
         if before is not None and not anew:
             self._periods.append(stamp - before)
             newest = self._buffer.newest[1]
-            if has_jumped(newest, poses, (stamp - before) / _SECOND, **self._jump):
+            root = self.simulation.collider_set.root
+            time = (stamp - before) / _SECOND
+            if has_jumped(newest, poses, time, root=root, **self._jump):
                 self.teleports += 1
                 anew = self._on_teleport == "reset"
                 if self._on_teleport == "keep":

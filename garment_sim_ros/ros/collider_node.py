@@ -12,6 +12,7 @@ from garment_sim_ros.body.humanoid import load_humanoid_overrides
 from garment_sim_ros.body.kinematics import ForwardKinematics
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.loaders.urdf import body_from_urdf, parse_urdf
+from garment_sim_ros.body.missing_bones import missing_bones, missing_bones_of
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.description import load_colliders, to_json
@@ -80,6 +81,8 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         """
         p = self.parameters
         self._bone_names = load_humanoid_overrides(p.bone_names) if p.bone_names else None
+        names = p.body_bone_names
+        self._body_bone_names = load_humanoid_overrides(names) if names else None
         self._stamps = StampOrder(p.time_jump)
         self._reader = JointStates()
         self._root_message = StampedPose(p.frame_id)
@@ -90,7 +93,7 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         self._root_out = self.advertise(ROOT_POSE)
         if p.body:
             with reporting(self.get_logger().info, f"load {p.body} and fit its colliders"):
-                self._wear(load_body(p.body))
+                self._wear(load_body(p.body, bone_names=p.body_bone_names))
         self.subscribe(ROBOT_DESCRIPTION, self._take_description, always=True)
         self.follow(JOINT_STATES, self._take_joints)
 
@@ -118,6 +121,8 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
 
     def _wear(self, body: Body) -> None:
         """Fit colliders and prepare what posing them takes."""
+        if missing := missing_bones_of(body, "body_bone_names"):
+            self.get_logger().warning(missing)
         colliders = dataclasses.replace(self._fit(body), frame_id=self.parameters.frame_id)
         hips = body.humanoid.get("hips", body.rig.joint_names[0])
         self._avatar = _Avatar(
@@ -172,6 +177,10 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
                 reference=reference_from_urdf(text),
                 overrides=self._bone_names,
             )
+            known = retargeter.source_bones
+            others = retargeter.unmapped_source
+            if missing := missing_bones("the source skeleton", known, others, "bone_names"):
+                self.get_logger().warning(missing)
             for note in retargeter.notes:
                 self.get_logger().info(note)
             for what, bones in (
@@ -183,7 +192,7 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
             world_joints = retargeter.world_joints
         else:
             with reporting(self.get_logger().info, "fit colliders to the body"):
-                self._wear(body_from_urdf(text))
+                self._wear(body_from_urdf(text, humanoid_overrides=self._body_bone_names))
             world_joints = ForwardKinematics(rig).from_dofs
             self.start()
         world_joints(np.zeros(len(rig.dofs)))

@@ -8,6 +8,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
+from garment_sim_ros.body.humanoid import load_humanoid_overrides
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.clips import load_clip
@@ -46,7 +47,8 @@ class MocapPlayer(ManagedNode[MocapPlayerParameters]):
         p = self.parameters
         if p.publish_clock and self.get_parameter("use_sim_time").value:
             raise ParameterError("use_sim_time", "found true", "allowed: false with publish_clock")
-        clip = load_clip(p.clip)
+        names = load_humanoid_overrides(p.bone_names) if p.bone_names else None
+        clip = load_clip(p.clip, humanoid_overrides=names)
         for note in clip.notes:
             self.get_logger().info(f"{clip.name}: {note}")
         repeat = ("carry" if p.travel else "loop") if p.loop else "once"

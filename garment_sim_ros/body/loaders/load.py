@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 
+from garment_sim_ros.body.humanoid import load_humanoid_overrides, overridden
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.errors import InputFileError, ParameterError
 from garment_sim_ros.params import declarations, validated
@@ -12,7 +13,10 @@ _ALLOWED = "allowed: .glb, .gltf, .vrm, .urdf, .xml, .obj, .ply, or mannequin[:o
 
 
 def load_body(
-    source: str | Path, *, humanoid_overrides: Mapping[str, str | None] | None = None
+    source: str | Path,
+    *,
+    humanoid_overrides: Mapping[str, str | None] | None = None,
+    bone_names: str | Path = "",
 ) -> Body:
     """A body from a file, or the built-in one.
 
@@ -21,15 +25,19 @@ def load_body(
             .mhskel and .mhw files beside it gets their rig. Or ``mannequin``, with options as in
             ``mannequin:height=1.8,sex=1``.
         humanoid_overrides: Humanoid bone to joint name, or to None for "has no such bone".
+        bone_names: File of such names, see `load_humanoid_overrides`; those given win over it.
 
     Raises:
-        InputFileError: The file cannot be used.
-        ParameterError: An option of the mannequin is unknown or out of range.
+        InputFileError: A file cannot be used.
+        ParameterError: An option of the mannequin is unknown or out of range, or a bone or joint
+            that is named does not exist.
     """
+    if bone_names:
+        humanoid_overrides = {**load_humanoid_overrides(bone_names), **(humanoid_overrides or {})}
     # Each imports what only it needs: a body is ready the sooner, and so is the first cloth.
     name, colon, options = str(source).partition(":")
     if name == "mannequin" and (colon or not Path(source).exists()):
-        return _mannequin(options)
+        return _renamed(_mannequin(options), humanoid_overrides)
     suffix = Path(source).suffix.lower()
     if suffix in (".glb", ".gltf", ".vrm"):
         from garment_sim_ros.body.loaders.gltf import load_gltf
@@ -49,10 +57,19 @@ def load_body(
     if suffix in (".obj", ".ply"):
         from garment_sim_ros.body.loaders.obj import load_static
 
-        return load_static(source)
+        return _renamed(load_static(source), humanoid_overrides)
     if not Path(source).exists():
         raise InputFileError(source, "does not exist", _ALLOWED)
     raise InputFileError(source, f"has the ending {suffix!r}", _ALLOWED)
+
+
+def _renamed(body: Body, overrides: Mapping[str, str | None] | None) -> Body:
+    """A body whose bones are known, but for those that are given."""
+    if not overrides:
+        return body
+    return dataclasses.replace(
+        body, humanoid=overridden(body.humanoid, body.rig.joint_names, overrides)
+    )
 
 
 def _mannequin(text: str) -> Body:
