@@ -86,7 +86,9 @@ def run(body_name: str, clip_name: str, outfit: str, seconds: float, solver: dic
         x = {g.name: simulation.positions(g.name) for g in garments}
         pierced.add(end, {g.name: (x[g.name], g.triangles) for g in garments})
         if n % 6 == 0:
-            meter.add(skinner.vertices(joints[n]).copy(), {k: v.astype(float) for k, v in x.items()})
+            meter.add(
+                skinner.vertices(joints[n]).copy(), {k: v.astype(float) for k, v in x.items()}
+            )
     result = pierced.result()
     return {
         "body": Path(body_name).stem,

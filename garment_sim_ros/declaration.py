@@ -7,6 +7,7 @@ ranges and texts from it (`declarations`), and all values from outside pass thro
 
 import dataclasses
 import math
+import sys
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
@@ -94,10 +95,12 @@ def checked(declaration: Declaration, value: Any) -> Any:
     """
 
     def refuse() -> ParameterError:
-        return ParameterError(declaration.name, f"found {value!r}", declaration.allowed)
+        return ParameterError(declaration.name, f"found {value!r:.60}", declaration.allowed)
 
     def number(v: Any) -> float:
-        if isinstance(v, bool) or not isinstance(v, int | float) or not math.isfinite(v):
+        if isinstance(v, bool) or not isinstance(v, int | float) or not abs(v) < math.inf:
+            raise refuse()
+        if abs(v) > sys.float_info.max:  # a whole number of hundreds of digits
             raise refuse()
         if declaration.minimum is not None and v < declaration.minimum:
             raise refuse()

@@ -3,6 +3,7 @@
 import contextlib
 import hashlib
 import io
+import math
 import os
 import tempfile
 import zipfile
@@ -11,7 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.lib import format as npy
 from numpy.typing import NDArray
+
+from garment_sim_ros.input_file import read_bytes
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -63,19 +67,42 @@ def cached_arrays(folder: str, key: str, make: Callable[[], Arrays]) -> dict[str
         file = user_cache(folder) / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.npz"
     except RuntimeError:
         return dict(make())
-    try:
-        with np.load(file, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
+    with contextlib.suppress(Exception):  # whatever a damaged file makes its readers raise
+        arrays = _stored(file)
         os.utime(file)
         return arrays
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
-        pass
     arrays = dict(make())
     with contextlib.suppress(OSError):
         data = io.BytesIO()
         np.savez(data, allow_pickle=False, **arrays)
         replace_file(file, data.getvalue())
         keep_newest(file.parent.glob("*.npz"), _KEPT)
+    return arrays
+
+
+def _stored(file: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of an .npz file as `np.savez` writes it, none larger than its bytes in the file.
+
+    Raises:
+        Exception: It is missing or damaged.
+    """
+    arrays = {}
+    with zipfile.ZipFile(io.BytesIO(read_bytes(file))) as stored:
+        for entry in stored.infolist():
+            if entry.compress_type != zipfile.ZIP_STORED:
+                raise ValueError(f"{entry.filename} is compressed")
+            content = io.BytesIO(stored.read(entry))
+            if npy.read_magic(content) != (1, 0):
+                raise ValueError(f"{entry.filename} has another version")
+            shape, fortran, dtype = npy.read_array_header_1_0(content)
+            start = content.tell()
+            data = content.getbuffer()
+            if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(data) - start:
+                raise ValueError(f"{entry.filename} does not fit its header")
+            array = np.frombuffer(data, dtype, offset=start).reshape(
+                shape, order="F" if fortran else "C"
+            )
+            arrays[entry.filename.removesuffix(".npy")] = array.copy(order="K")
     return arrays
 
 

@@ -1,12 +1,23 @@
 """The one exception family of the package.
 
 A message names the file or option, the value found and what is allowed, for example
-``walk.bvh: joint 'Hips' has 7 channels; 0 to 6 are allowed``.
+``walk.bvh: joint 'Hips' has 7 channels; 0 to 6 are allowed``. It is one line of text that can be
+printed, whatever names it quotes.
 """
+
+_LONGEST = 4000
+_LONGEST_PATH = 300
 
 
 class GarmentSimError(Exception):
-    """Base of all errors that this package raises on purpose."""
+    """Base of all errors that this package raises on purpose.
+
+    Args:
+        message: What is wrong; quoted text that cannot be printed is escaped.
+    """
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(one_line(message))
 
 
 class InputFileError(GarmentSimError):
@@ -22,7 +33,10 @@ class InputFileError(GarmentSimError):
         self.path = str(path)
         self.problem = problem
         self.allowed = allowed
-        super().__init__(f"{path}: {problem}" + (f"; {allowed}" if allowed else ""))
+        super().__init__(
+            f"{_shortened(self.path, _LONGEST_PATH)}: {problem}"
+            + (f"; {allowed}" if allowed else "")
+        )
 
 
 class ParameterError(GarmentSimError):
@@ -56,3 +70,17 @@ class MessageError(GarmentSimError):
     def __init__(self, reason: str, detail: str) -> None:
         self.reason = reason
         super().__init__(f"{reason}: {detail}")
+
+
+def one_line(text: object) -> str:
+    """Text as one line that can be printed: line ends, control characters and the like escaped."""
+    line = _shortened(str(text), _LONGEST)
+    if line.isprintable():
+        return line
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in line
+    )
+
+
+def _shortened(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[:most]} ... ({len(text)} characters)"

@@ -12,12 +12,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from garment_sim_ros.body.rig_names import ARM, CONVENTIONS, LEG, MIDDLE, PREFERRED, SIDES
 from garment_sim_ros.body.skin import HUMANOID_BONES
 from garment_sim_ros.errors import InputFileError, ParameterError
+from garment_sim_ros.plain_data import read_yaml
 
 _MAX_OVERRIDE_BYTES = 100_000
 
@@ -261,19 +261,7 @@ def load_humanoid_overrides(path: str | Path) -> dict[str, str | None]:
         InputFileError: The file is missing, too large or is not such a mapping.
     """
     allowed = "a YAML mapping of humanoid bone to joint name or null"
-    try:
-        with open(path, "rb") as file:
-            data = file.read(_MAX_OVERRIDE_BYTES + 1)
-    except OSError as error:
-        raise InputFileError(path, f"cannot be read ({error.strerror})", allowed) from error
-    if len(data) > _MAX_OVERRIDE_BYTES:
-        raise InputFileError(path, "is too large", f"up to {_MAX_OVERRIDE_BYTES} bytes")
-    try:
-        content = yaml.safe_load(data)
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        raise InputFileError(
-            path, f"is not plain YAML ({type(error).__name__})", allowed
-        ) from error
+    content = read_yaml(path, limit=_MAX_OVERRIDE_BYTES)
     if not isinstance(content, dict):
         raise InputFileError(path, f"holds a {type(content).__name__}", allowed)
     for bone, joint in content.items():

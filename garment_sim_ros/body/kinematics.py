@@ -108,20 +108,29 @@ def followed_channels(dofs: Dofs) -> tuple[NDArray[np.int32], FloatArray, FloatA
         Source (the channel itself where it is free), multiplier and offset, each of shape [d].
 
     Raises:
-        GeometryError: A channel follows itself.
+        GeometryError: A channel follows itself, or by a factor that is not finite.
     """
     d = len(dofs)
     source = np.arange(d, dtype=np.int32)
     multiplier, offset = np.ones(d), np.zeros(d)
+    settled = dofs.mimic_source < 0
     for i in range(d):
-        visited = {i}
-        while (above := int(dofs.mimic_source[source[i]])) >= 0:
-            if above in visited:
+        line = [i]  # of channels, each following the next
+        open_ones = {i}
+        while not settled[line[-1]]:
+            above = int(dofs.mimic_source[line[-1]])
+            if above in open_ones:
                 raise GeometryError(f"channel {dofs.names[i]!r} mimics itself")
-            visited.add(above)
-            offset[i] += multiplier[i] * dofs.mimic_offset[source[i]]
-            multiplier[i] *= dofs.mimic_multiplier[source[i]]
-            source[i] = above
+            line.append(above)
+            open_ones.add(above)
+        for channel, above in zip(line[-2::-1], line[:0:-1]):
+            source[channel] = source[above]
+            factor = float(dofs.mimic_multiplier[channel])
+            multiplier[channel] = factor * float(multiplier[above])
+            offset[channel] = factor * float(offset[above]) + float(dofs.mimic_offset[channel])
+            settled[channel] = True
+    for i in np.flatnonzero(~(np.isfinite(multiplier) & np.isfinite(offset)))[:1]:
+        raise GeometryError(f"channel {dofs.names[i]!r} mimics others beyond what is finite")
     return source, multiplier, offset
 
 

@@ -20,6 +20,8 @@ from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.contact.mesh.skinned import SkinnedMesh
 from garment_sim_ros.contact.shapes import KINDS, Collider, ColliderSet
 from garment_sim_ros.errors import GeometryError, InputFileError, MessageError
+from garment_sim_ros.input_file import read_text
+from garment_sim_ros.plain_data import PlainDataError, number_kinds, parse_json
 
 VERSION = 1
 MAX_TEXT = 64 * 2**20
@@ -68,10 +70,8 @@ def from_json(text: str) -> ColliderSet:
     if len(text) > MAX_TEXT:
         raise MessageError(_REASON, f"{len(text)} characters; at most {MAX_TEXT} are allowed")
     try:
-        document = json.loads(
-            text, object_pairs_hook=_unique_keys, parse_constant=_refuse_constant
-        )
-    except (ValueError, RecursionError) as error:
+        document = parse_json(text)
+    except PlainDataError as error:
         raise MessageError(_REASON, f"not JSON: {error}") from None
     top = _object(document, _TOP_KEYS, "the document")
     if type(top["version"]) is not int or top["version"] != VERSION:
@@ -112,11 +112,9 @@ def load_colliders(path: str | Path) -> ColliderSet:
     """
     allowed = "a collider description as `fit --out` writes it"
     try:
-        if Path(path).stat().st_size > MAX_TEXT:
-            raise InputFileError(path, f"larger than {MAX_TEXT} bytes", allowed)
-        return from_json(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, MessageError) as error:
-        raise InputFileError(path, str(error), allowed) from None
+        return from_json(read_text(path, limit=MAX_TEXT))
+    except MessageError as error:
+        raise InputFileError(path, str(error), f"allowed: {allowed}") from None
 
 
 def _plain(value: object) -> Any:
@@ -125,17 +123,6 @@ def _plain(value: object) -> Any:
         text = base64.b64encode(array.astype("<i2").tobytes()).decode("ascii")
         return {"shape": list(array.shape), "int16": text}
     return (array if array.dtype.kind in "iu" else array.astype(np.float64)).tolist()
-
-
-def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    result = dict(pairs)
-    if len(result) != len(pairs):
-        raise ValueError("an object has the same key twice")
-    return result
-
-
-def _refuse_constant(constant: str) -> None:
-    raise ValueError(f"{constant} is not allowed")
 
 
 def _object(value: Any, keys: set[str], what: str) -> dict[str, Any]:
@@ -161,13 +148,16 @@ def _number(value: Any, what: str, minimum: float, maximum: float) -> float:
 
 def _array(value: Any, what: str) -> np.ndarray:
     """A rectangular array of finite numbers, int64 or float64."""
+    if not number_kinds(value) and value != []:
+        raise MessageError(_REASON, f"{what} must hold numbers only")
     try:
         array = np.asarray(value)
     except (ValueError, OverflowError):
         raise MessageError(_REASON, f"{what} must be a rectangular list of numbers") from None
     if array.dtype.kind not in "iuf":
-        raise MessageError(_REASON, f"{what} must hold numbers only")
-    if array.size and not (np.abs(array) <= MAX_COORDINATE).all():
+        raise MessageError(_REASON, f"{what} must hold numbers of at most 64 bits")
+    near = (array >= -MAX_COORDINATE) & (array <= MAX_COORDINATE)
+    if not near.all():
         raise MessageError(_REASON, f"{what}: magnitudes up to {MAX_COORDINATE:g} are allowed")
     return array
 

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from garment_sim_ros.body.loaders.input_file import read_text
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.description import MAX_TEXT, from_json, to_json
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.disk_cache import code_digest, keep_newest, replace_file, user_cache
 from garment_sim_ros.errors import InputFileError, MessageError
+from garment_sim_ros.input_file import exists, is_file, read_text
 from garment_sim_ros.params import ColliderOptions
 
 _SUFFIX = ".colliders"
@@ -60,7 +60,7 @@ def cached_fit(
                 raise ValueError("it is of another fit")
             colliders = from_json(text)
         except (InputFileError, MessageError, ValueError) as error:
-            if (folder / name).exists():
+            if exists(folder / name):
                 log(f"{folder / name} is not used: {error}"[:500])
             continue
         log(f"colliders read from {folder / name}")
@@ -109,7 +109,7 @@ def _pieces(value: object) -> Iterator[bytes]:
 def _folders(source: str | Path | None) -> list[Path]:
     """Where a fit may lie, the first choice first."""
     folders = []
-    if source is not None and Path(source).is_file():
+    if source is not None and is_file(source):
         folders.append(Path(source).resolve().parent)
     with contextlib.suppress(RuntimeError):  # a user without a home
         folders.append(user_cache("colliders"))

@@ -6,6 +6,7 @@ nor fitting: it sees a set and, every step, one world pose for each of its colli
 """
 
 import hashlib
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -92,8 +93,8 @@ class ColliderSet:
     frame_id: str = "world"
 
     def __post_init__(self) -> None:
-        names = [c.name for c in self.colliders]
-        duplicates = sorted({n for n in names if names.count(n) > 1})
+        count = Counter(c.name for c in self.colliders)
+        duplicates = sorted(name for name in count if count[name] > 1)
         if duplicates:
             raise GeometryError(f"collider names must be unique; found twice: {duplicates}")
 

@@ -12,16 +12,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from garment_sim_ros.body.loaders.input_file import read_text
 from garment_sim_ros.colliders.ellipsoids.thresholds import tightest
 from garment_sim_ros.errors import InputFileError, ParameterError
 from garment_sim_ros.garment.dressing import AUTOMATIC, NONE, Attachment, Holds, VertexDistance
 from garment_sim_ros.garment.generators import GENERATORS
 from garment_sim_ros.garment.materials import material_from
 from garment_sim_ros.garment.mesh import UNITS, UP_AXES
+from garment_sim_ros.input_file import read_text
 from garment_sim_ros.params import ColliderOptions, Material, parameter, validated
+from garment_sim_ros.plain_data import PlainDataError, parse_yaml
 
 DEFAULT_OUTFIT = "tshirt_short_skirt"
 MAX_FILE_BYTES = 2**20
@@ -163,7 +162,7 @@ def outfit_from(
     """
     known = _mapping("file", content, _FILE_KEYS)
     if known.get("version") != 1:
-        raise ParameterError("version", f"found {known.get('version')!r}", "allowed: 1")
+        raise ParameterError("version", f"found {known.get('version')!r:.60}", "allowed: 1")
     garments = _garments(known, folder)
     asked = _mapping("colliders", known.get("colliders", {}))
     colliders = validated(ColliderOptions, asked)
@@ -177,32 +176,11 @@ def outfit_from(
     )
 
 
-class _PlainLoader(yaml.SafeLoader):
-    """Safe YAML without aliases, which could make a small file a huge one, or repeated keys."""
-
-    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """As the base class does, for anything but an alias."""
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError("aliases are not allowed")
-        return super().compose_node(parent, index)
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """As the base class does, if no key stands twice."""
-        seen = set()
-        for key, _ in node.value:
-            if isinstance(key, yaml.ScalarNode):
-                if key.value in seen:
-                    raise yaml.YAMLError(f"the key {key.value!r} stands twice")
-                seen.add(key.value)
-        return super().construct_mapping(node, deep)
-
-
 def _parsed(text: str) -> Mapping[str, Any]:
     try:
-        content = yaml.load(text, Loader=_PlainLoader)
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        problem = " ".join(str(error).split())[:200]
-        raise ParameterError("file", f"is not plain YAML ({problem})") from error
+        content = parse_yaml(text)
+    except PlainDataError as error:
+        raise ParameterError("file", f"is not plain YAML ({error})") from None
     return _mapping("file", content)
 
 
@@ -245,7 +223,7 @@ def _garment(index: int, entry: object, folder: Path) -> GarmentEntry:
             )
         group = GENERATORS[generator].options
     elif not isinstance(mesh, str) or not mesh:
-        raise ParameterError(f"{where}.mesh", f"found {mesh!r}", "allowed: a file's path")
+        raise ParameterError(f"{where}.mesh", f"found {mesh!r:.60}", "allowed: a file's path")
     try:
         return GarmentEntry(
             name=name,

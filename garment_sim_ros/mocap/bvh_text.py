@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.body.loaders.input_file import read_bytes
 from garment_sim_ros.errors import InputFileError
+from garment_sim_ros.input_file import read_bytes
 
 FloatArray = NDArray[np.float64]
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from garment_sim_ros.errors import InputFileError, ParameterError
+from garment_sim_ros.input_file import exists, is_folder
 from garment_sim_ros.mocap.bvh import load_bvh
 from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.walk import WalkOptions, walk
@@ -33,17 +34,17 @@ def load_clip(
         ParameterError: An option is unknown or out of range.
     """
     name, colon, options = str(source).partition(":")
-    if name == "walk" and (colon or not Path(source).exists()):
+    if name == "walk" and (colon or not exists(source)):
         return _walk(options)
     path = Path(source)
     if path.suffix.lower() == ".bvh":
         return load_bvh(path, skip_t_pose=skip_t_pose, humanoid_overrides=humanoid_overrides)
-    if path.suffix.lower() in (".mcap", ".db3") or path.is_dir():
+    if path.suffix.lower() in (".mcap", ".db3") or is_folder(path):
         # Reading bags needs a library that takes longer to import than the rest of this package.
         from garment_sim_ros.mocap.rosbag import load_bag
 
         return load_bag(path)
-    if not path.exists():
+    if not exists(path):
         raise InputFileError(source, "does not exist", _ALLOWED)
     raise InputFileError(source, f"has the ending {path.suffix!r}", _ALLOWED)
 

@@ -14,19 +14,17 @@ from rosbags.typesys import Stores, get_typestore
 
 from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.errors import InputFileError
+from garment_sim_ros.mocap.bag_file import opened_bag
 from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.sampling import closes
 from garment_sim_ros.mocap.source_urdf import reference_from_urdf
 
 FloatArray = NDArray[np.float64]
 
-_MAX_BYTES = 4 * 2**30
 _MAX_MESSAGES = 2_000_000
 _MAX_VALUES = 200_000_000
-_MAX_METADATA_BYTES = 4 * 2**20
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 _STRING = "std_msgs/msg/String"
-_ALLOWED = "allowed: a rosbag2 folder, .mcap or .db3 file"
 
 
 def load_bag(path: str | Path) -> Clip:
@@ -41,42 +39,8 @@ def load_bag(path: str | Path) -> Clip:
     Raises:
         InputFileError: It is missing, damaged, too large, or holds no usable joint states.
     """
-    _check_sizes(Path(path))
-    try:
-        with Reader(Path(path)) as reader:
-            return _clip(path, reader)
-    except InputFileError:
-        raise
-    except MemoryError:
-        raise InputFileError(path, "does not fit into memory") from None
-    except Exception as error:
-        # The reader raises whatever its file format library or a damaged record leads to.
-        raise InputFileError(
-            path, f"cannot be read as a bag ({_short(error)})", _ALLOWED
-        ) from error
-
-
-def _short(error: Exception) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())[:200]
-
-
-def _check_sizes(path: Path) -> None:
-    """Refuse what is missing, is no bag, or would take too much to open."""
-    if not path.exists():
-        raise InputFileError(path, "does not exist", _ALLOWED)
-    files = [path]
-    if path.is_dir():
-        metadata = path / "metadata.yaml"
-        if not metadata.is_file():
-            raise InputFileError(path, "has no metadata.yaml", _ALLOWED)
-        if metadata.stat().st_size > _MAX_METADATA_BYTES:
-            raise InputFileError(metadata, "is too large", f"allowed: {_MAX_METADATA_BYTES} bytes")
-        files = [file for file in path.iterdir() if file.is_file()]
-    elif path.suffix not in (".mcap", ".db3"):
-        raise InputFileError(path, f"has the ending {path.suffix!r}", _ALLOWED)
-    total = sum(file.stat().st_size for file in files)
-    if total > _MAX_BYTES:
-        raise InputFileError(path, f"has {total} bytes", f"allowed: at most {_MAX_BYTES}")
+    with opened_bag(path) as reader:
+        return _clip(path, reader)
 
 
 def _clip(path: str | Path, reader: Reader) -> Clip:

@@ -1,7 +1,7 @@
 """A recorded avatar: what its topics said, read back from the bag."""
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,13 +9,22 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.rosbag2 import ReaderError
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
 
 from garment_sim_ros.errors import InputFileError
+from garment_sim_ros.mocap.bag_file import opened_bag
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
+
+_TYPES = {
+    "robot_description": "std_msgs/msg/String",
+    "joint_states": "sensor_msgs/msg/JointState",
+    "quality": "diagnostic_msgs/msg/DiagnosticArray",
+    "topology": "shape_msgs/msg/Mesh",
+    "points": "sensor_msgs/msg/PointCloud2",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,25 +79,32 @@ def read_recording(path: str | Path, *, most_frames: int = 300) -> Recording:
     Raises:
         InputFileError: Not a bag, or topics that are needed are missing or have no message.
     """
-    try:
-        with AnyReader([Path(path)]) as reader:
-            return _read(reader, path, most_frames)
-    except (AnyReaderError, ReaderError, OSError) as error:
-        raise InputFileError(path, str(error), "allowed: a rosbag2 folder") from None
+    with opened_bag(path) as reader:
+        return _read(reader, path, most_frames)
 
 
-def _read(reader: AnyReader, path: str | Path, most_frames: int) -> Recording:
+def _read(reader: Reader, path: str | Path, most_frames: int) -> Recording:
+    types = get_typestore(Stores.ROS2_JAZZY)
+
     def messages(ending: str) -> Iterator[tuple[str, int, Any]]:
-        connections = [c for c in reader.connections if c.topic.endswith("/" + ending)]
-        if not sum(c.msgcount for c in connections):
+        kind = _TYPES[ending]
+        connections = [
+            c for c in reader.connections
+            if c.topic.endswith("/" + ending) and c.msgtype == kind
+        ]  # fmt: skip
+        found = False
+        for connection, arrival, data in reader.messages(connections) if connections else ():
+            found = True
+            yield connection.topic, arrival, types.deserialize_cdr(data, kind)
+        if not found:
             raise InputFileError(path, f"no message on {ending}", "needed: an avatar's topics")
-        for connection, arrival, data in reader.messages(connections):
-            yield connection.topic, arrival, reader.deserialize(data, connection.msgtype)
 
     description = next(messages("robot_description"))[2].data
-    joints = [message for _, _, message in messages("joint_states")]
-    names = tuple(joints[0].name)
-    joints = [m for m in joints if tuple(m.name) == names and len(m.position) == len(names)]
+    names, joint_stamp, joint_values = _joints(
+        message for _, _, message in messages("joint_states")
+    )
+    if len(joint_stamp) == 0:
+        raise InputFileError(path, "holds no usable joint_states", "needed: finite positions")
     quality: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for _, _, message in messages("quality"):
         for status in message.status:
@@ -97,19 +113,21 @@ def _read(reader: AnyReader, path: str | Path, most_frames: int) -> Recording:
                     number = float(item.value)
                     quality[status.name][item.key].append(number)
 
-    shapes = {_garment_of(topic): _mesh(message) for topic, _, message in messages("topology")}
+    shapes = {
+        _garment_of(topic): _mesh(path, topic, message)
+        for topic, _, message in messages("topology")
+    }
     arrivals: dict[str, list[int]] = {name: [] for name in shapes}
     stamps: dict[str, set[int]] = {name: set() for name in shapes}
     finite = dict.fromkeys(shapes, True)
     for topic, arrival, message in messages("points"):
         name = _garment_of(topic)
-        if message.width * message.height != len(shapes.get(name, ((),))[0]):
-            raise InputFileError(
-                path, f"{topic} does not fit its topology", "needed: as many points"
-            )
+        if name not in shapes:
+            raise InputFileError(path, f"{topic} has no topology", "needed: an avatar's topics")
+        x = _points(path, topic, message, len(shapes[name][0]))
         arrivals[name].append(arrival)
         stamps[name].add(_nanoseconds(message))
-        finite[name] = finite[name] and bool(np.isfinite(_points(message)).all())
+        finite[name] = finite[name] and bool(np.isfinite(x).all())
 
     # A second pass rather than holding all positions: a long recording has too many.
     common = sorted(set.intersection(*stamps.values()))
@@ -121,12 +139,13 @@ def _read(reader: AnyReader, path: str | Path, most_frames: int) -> Recording:
     }
     for topic, _, message in messages("points"):
         if (k := place.get(_nanoseconds(message))) is not None:
-            positions[_garment_of(topic)][k] = _points(message)
+            name = _garment_of(topic)
+            positions[name][k] = _points(path, topic, message, len(shapes[name][0]))
     return Recording(
         robot_description=description,
         joint_names=names,
-        joint_stamp=np.array([_nanoseconds(m) for m in joints]),
-        joint_values=np.array([m.position for m in joints]),
+        joint_stamp=joint_stamp,
+        joint_values=joint_values,
         stamp=np.array(kept, np.int64),
         garments={
             name: GarmentTrack(
@@ -145,14 +164,44 @@ def _read(reader: AnyReader, path: str | Path, most_frames: int) -> Recording:
     )
 
 
-def _mesh(message: Any) -> tuple[FloatArray, IntArray]:
-    vertices = np.array([[p.x, p.y, p.z] for p in message.vertices])
-    return vertices, np.array([t.vertex_indices for t in message.triangles], np.int32)
+def _joints(messages: Iterable[Any]) -> tuple[tuple[str, ...], NDArray[np.int64], FloatArray]:
+    """Names, stamps and values of all messages with the first one's joints, as time goes on."""
+    names: tuple[str, ...] = ()
+    stamps: list[int] = []
+    values: list[FloatArray] = []
+    for message in messages:
+        if not stamps and len(set(message.name)) == len(message.name):
+            names = tuple(message.name)
+        stamp = _nanoseconds(message)
+        if (
+            tuple(message.name) == names
+            and len(message.position) == len(names)
+            and np.isfinite(message.position).all()
+            and (not stamps or stamp > stamps[-1])
+        ):
+            stamps.append(stamp)
+            values.append(np.array(message.position))
+    return names, np.array(stamps, np.int64), np.array(values)
 
 
-def _points(message: Any) -> NDArray[np.float32]:
-    """The x y z of a PointCloud2 that starts with them, shape [v, 3]."""
-    rows = message.data.reshape(message.width * message.height, message.point_step)
+def _mesh(path: str | Path, topic: str, message: Any) -> tuple[FloatArray, IntArray]:
+    vertices = np.array([[p.x, p.y, p.z] for p in message.vertices]).reshape(-1, 3)
+    triangles = np.array([t.vertex_indices for t in message.triangles], np.int64).reshape(-1, 3)
+    if not len(triangles) or triangles.max() >= len(vertices) or not np.isfinite(vertices).all():
+        raise InputFileError(
+            path,
+            f"{topic} has {len(triangles)} triangles on {len(vertices)} vertices",
+            "needed: a surface of finite vertices",
+        )
+    return vertices, triangles.astype(np.int32)
+
+
+def _points(path: str | Path, topic: str, message: Any, count: int) -> NDArray[np.float32]:
+    """The x y z of a PointCloud2 that starts with them, shape [count, 3]."""
+    step = message.point_step
+    if message.width * message.height != count or step < 12 or len(message.data) != count * step:
+        raise InputFileError(path, f"{topic} does not fit its topology", "needed: as many points")
+    rows = message.data.reshape(count, step)
     return np.ascontiguousarray(rows[:, :12]).view(np.float32).reshape(-1, 3)
 
 

@@ -92,8 +92,8 @@ def test_repairs_are_named(tmp_path):
         (QUAD.replace("v 1 1 0", "v 1 inf 0"), "vertex 2 is not finite"),
         (QUAD + "f 1 2 9\n", "vertex 8; allowed: 0 to 3"),
         (QUAD + "f 1 2 -9\n", "vertex -5"),
-        (QUAD + "f 0 1 2\n", "line 6 has index 0"),
-        (QUAD + "f 1 2\n", "fewer than 3 corners"),
+        (QUAD + "f 0 1 2\n", "line 6 reads 'f 0 1 2'"),
+        (QUAD + "f 1 2\n", "line 6 reads 'f 1 2'"),
         (QUAD + "f a b c\n", "line 6 reads 'f a b c'"),
         ("v 0 0\n" + QUAD, "line 1 reads 'v 0 0'"),
         ("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no triangle with an area"),
@@ -133,7 +133,7 @@ def test_missing_folder_and_type(tmp_path):
     with pytest.raises(InputFileError, match=r"type '\.txt'; allowed: \.obj, \.ply, \.glb"):
         load_garment_mesh(tmp_path / "cloth.txt")
     (tmp_path / "folder.obj").mkdir()
-    with pytest.raises(InputFileError, match="not a regular file"):
+    with pytest.raises(InputFileError, match="allowed: a regular file"):
         load_garment_mesh(tmp_path / "folder.obj")
     binary = tmp_path / "binary.obj"
     binary.write_bytes(b"v 0 0 \xff\xfe\n")

@@ -453,7 +453,7 @@ def test_other_content_is_one_clear_error(tmp_path, content):
 def test_missing_file_and_folder(tmp_path):
     with pytest.raises(InputFileError, match="does not exist"):
         load_gltf(tmp_path / "no.glb")
-    with pytest.raises(InputFileError, match="not a regular file"):
+    with pytest.raises(InputFileError, match="allowed: a regular file"):
         load_gltf(tmp_path)
 
 

@@ -183,5 +183,5 @@ def test_bad_override_files_are_refused(tmp_path, content):
 
 
 def test_missing_override_file(tmp_path):
-    with pytest.raises(InputFileError, match="cannot be read"):
+    with pytest.raises(InputFileError, match="does not exist"):
         load_humanoid_overrides(tmp_path / "none.yaml")

@@ -212,7 +212,7 @@ def test_unusable_descriptions_are_one_clear_error(text, problem):
         ("", "no visual geometry"),
         ("<visual/>", "without geometry"),
         ("<visual><geometry><cone/></geometry></visual>", "<cone>"),
-        ('<visual><geometry><sphere radius="0"/></geometry></visual>', "above 0"),
+        ('<visual><geometry><sphere radius="0"/></geometry></visual>', "1e-06 to 100 m"),
         ('<visual><geometry><box size="1 1 1e9"/></geometry></visual>', "to 100 m"),
     ],
 )

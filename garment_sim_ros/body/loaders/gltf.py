@@ -7,7 +7,6 @@ orientation that they have in the file.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -18,20 +17,17 @@ from numpy.typing import NDArray
 from garment_sim_ros.body.loaders.assembly import assemble
 from garment_sim_ros.body.loaders.gltf_bind import blend, rest_frames, rigid
 from garment_sim_ros.body.loaders.gltf_file import GltfFile
+from garment_sim_ros.body.loaders.gltf_scene import Scene
 from garment_sim_ros.body.loaders.weights import weight_matrix
 from garment_sim_ros.body.skin import HUMANOID_BONES, Body
 from garment_sim_ros.errors import GeometryError, InputFileError
-from garment_sim_ros.geometry.transforms import (
-    AXES_FROM_Y_UP,
-    matrix_from_quaternion,
-)
+from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP
 
 FloatArray = NDArray[np.float64]
 
-MAX_NODES = 65_536
-MAX_DEPTH = 1024
 MAX_JOINTS = 4096
-MAX_VERTICES = 5_000_000
+MAX_WEIGHT_SETS = 8
+"""Most JOINTS_n of one primitive; each holds 4 influences of every vertex."""
 
 
 @dataclass(frozen=True)
@@ -66,13 +62,18 @@ def load_gltf(
 
 
 def _load(file: GltfFile, name: str, overrides: Mapping[str, str | None] | None) -> Body:
-    parent, order = _node_tree(file)
-    T_world = _world_transforms(file, parent, order)
+    scene = Scene(file)
+    parent = scene.parent
+    axes = np.eye(4)
+    axes[:3, :3] = AXES_FROM_Y_UP
+    T_world = scene.transforms(axes)
     skins = _skins(file)
-    meshes = _meshes(file, skins)
+    meshes = _meshes(file, scene, skins)
     if not any(mesh.skin is not None for mesh in meshes):
         raise file.error("has no skinned mesh", "allowed: a mesh with a skin and joints")
-    joints = _joint_nodes(parent, order, {int(n) for nodes, _ in skins.values() for n in nodes})
+    joints = _joint_nodes(
+        parent, scene.order, {int(n) for nodes, _ in skins.values() for n in nodes}
+    )
     slot = {node: j for j, node in enumerate(joints)}
     M, notes = rest_frames(
         parent,
@@ -129,63 +130,6 @@ def _load(file: GltfFile, name: str, overrides: Mapping[str, str | None] | None)
     )
 
 
-def _node_tree(file: GltfFile) -> tuple[list[int], list[int]]:
-    """Parent of each node (-1 for roots), and the nodes depth first, parents before children."""
-    nodes = file.list_of("nodes")
-    if not 0 < len(nodes) <= MAX_NODES:
-        raise file.error(f"has {len(nodes)} nodes", f"allowed: 1 to {MAX_NODES}")
-    parent = [-1] * len(nodes)
-    children = [file.items(node, "children", int) for node in nodes]
-    for n, below in enumerate(children):
-        for child in below:
-            if not 0 <= child < len(nodes):
-                raise file.error(f"node {n} has the child {child}", f"0 to {len(nodes) - 1}")
-            if parent[child] != -1:
-                raise file.error(f"node {child} has two parents", "allowed: one")
-            parent[child] = n
-    order: list[int] = []
-    stack = [(n, 0) for n in reversed(range(len(nodes))) if parent[n] == -1]
-    while stack:
-        n, depth = stack.pop()
-        if depth > MAX_DEPTH:
-            raise file.error(f"nodes are nested over {MAX_DEPTH} deep")
-        order.append(n)
-        stack.extend((child, depth + 1) for child in reversed(children[n]))
-    if len(order) != len(nodes):
-        raise file.error("has nodes that are their own ancestors", "allowed: a tree")
-    return parent, order
-
-
-def _world_transforms(file: GltfFile, parent: list[int], order: list[int]) -> FloatArray:
-    """Affine node transforms in the file's scene, turned to z up, shape [nodes, 4, 4]."""
-    nodes = file.list_of("nodes")
-    T_world = np.zeros((len(nodes), 4, 4))
-    axes = np.eye(4)
-    axes[:3, :3] = AXES_FROM_Y_UP
-    for n in order:
-        matrix = file.numbers(nodes[n], "matrix", 16)
-        if matrix is not None:
-            T = matrix.reshape(4, 4).T
-        else:
-            T = np.eye(4)
-            q = file.numbers(nodes[n], "rotation", 4)
-            if q is not None:
-                length = np.linalg.norm(q)
-                if length < 1e-6:
-                    raise file.error(f"node {n} has the rotation {q.tolist()}", "unit quaternion")
-                T[:3, :3] = matrix_from_quaternion(q / length)
-            scale = file.numbers(nodes[n], "scale", 3)
-            if scale is not None:
-                T[:3, :3] *= scale
-            translation = file.numbers(nodes[n], "translation", 3)
-            if translation is not None:
-                T[:3, 3] = translation
-        T_world[n] = (axes if parent[n] == -1 else T_world[parent[n]]) @ T
-    if not np.isfinite(T_world).all():
-        raise file.error("has node transforms that are not finite")
-    return T_world
-
-
 def _skins(file: GltfFile) -> dict[int, tuple[list[int], FloatArray]]:
     """Joint nodes and inverse bind matrices of every skin that a mesh wears."""
     count = len(file.list_of("skins"))
@@ -193,49 +137,19 @@ def _skins(file: GltfFile) -> dict[int, tuple[list[int], FloatArray]]:
     return {i: _skin(file, i) for i in sorted({file.index(node, "skin", count) for node in worn})}
 
 
-def _meshes(file: GltfFile, skins: Mapping[int, tuple[list[int], FloatArray]]) -> list[_Mesh]:
+def _meshes(
+    file: GltfFile, scene: Scene, skins: Mapping[int, tuple[list[int], FloatArray]]
+) -> list[_Mesh]:
     """The triangles of every node that has a mesh, one entry per primitive."""
-    definitions = file.list_of("meshes")
+    nodes = file.list_of("nodes")
     found: list[_Mesh] = []
-    total = 0
-    for n, node in enumerate(file.list_of("nodes")):
-        if "mesh" not in node:
-            continue
-        skin = node.get("skin")
-        joints = 0 if skin is None else len(skins[skin][0])
-        mesh = definitions[file.index(node, "mesh", len(definitions))]
-        for primitive in file.items(mesh, "primitives", dict):
-            if primitive.get("mode", 4) not in (4, 5, 6):
-                continue  # points and lines are no surface
-            attributes = primitive.get("attributes")
-            if not isinstance(attributes, dict) or "POSITION" not in attributes:
-                raise file.error(f"a primitive of node {n} has no POSITION")
-            vertices = file.accessor(attributes, "POSITION", "VEC3").astype(np.float64)
-            total += len(vertices)
-            if total > MAX_VERTICES:
-                raise file.error(f"has over {MAX_VERTICES} vertices in all its nodes")
-            triangles = _triangles(file, primitive, len(vertices))
-            W = _weights(file, attributes, len(vertices), joints) if skin is not None else None
-            found.append(_Mesh(n, skin, vertices, triangles, W))
+    for piece in scene.pieces():
+        skin, W = nodes[piece.node].get("skin"), None
+        if skin is not None:
+            joints = len(skins[skin][0])
+            W = _weights(file, piece.attributes, len(piece.vertices), joints)
+        found.append(_Mesh(piece.node, skin, piece.vertices, piece.triangles, W))
     return found
-
-
-def _triangles(file: GltfFile, primitive: dict[str, Any], count: int) -> NDArray[np.int64]:
-    """Vertex indices of a primitive's triangles, lists, strips and fans alike."""
-    if "indices" in primitive:
-        index = file.accessor(primitive, "indices", "SCALAR").astype(np.int64)
-    else:
-        index = np.arange(count)
-    if index.min() < 0 or index.max() >= count:
-        raise file.error(f"a triangle names vertex {index.max()}", f"allowed: 0 to {count - 1}")
-    mode = primitive.get("mode", 4)
-    if mode == 4:
-        return index[: len(index) - len(index) % 3].reshape(-1, 3)
-    if mode == 6:
-        return np.column_stack([np.full(max(len(index) - 2, 0), index[0]), index[1:-1], index[2:]])
-    strip = np.column_stack([index[:-2], index[1:-1], index[2:]])
-    strip[1::2] = strip[1::2, [1, 0, 2]]
-    return strip
 
 
 def _weights(file: GltfFile, attributes: dict[str, Any], count: int, joints: int) -> sp.csr_matrix:
@@ -243,6 +157,8 @@ def _weights(file: GltfFile, attributes: dict[str, Any], count: int, joints: int
     vertex, joint, weight = [], [], []
     n = 0
     while f"JOINTS_{n}" in attributes:
+        if n == MAX_WEIGHT_SETS:
+            raise file.error(f"has over {n} JOINTS_n", f"allowed: JOINTS_0 to JOINTS_{n - 1}")
         if f"WEIGHTS_{n}" not in attributes:
             raise file.error(f"has JOINTS_{n} without WEIGHTS_{n}")
         j = file.accessor(attributes, f"JOINTS_{n}", "VEC4").astype(np.int64)
@@ -282,16 +198,14 @@ def _skin(file: GltfFile, index: int) -> tuple[list[int], FloatArray]:
 
 def _joint_nodes(parent: list[int], order: list[int], skinned: set[int]) -> list[int]:
     """Nodes that become joints: the skins' own, those between them, and their common ancestor."""
-    chains = []
-    for node in skinned:
-        chain = [node]
-        while parent[chain[-1]] != -1:
-            chain.append(parent[chain[-1]])
-        chains.append(chain[::-1])
-    shared = sum(1 for _ in takewhile(lambda level: len(set(level)) == 1, zip(*chains)))
-    above = max(shared - 1, 0)
-    kept = {node for chain in chains for node in chain[above:]}
-    return [node for node in order if node in kept]
+    below = [0] * len(parent)  # joints of skins at and below each node
+    for node in reversed(order):
+        below[node] += node in skinned
+        if parent[node] != -1:
+            below[parent[node]] += below[node]
+    shared = [node for node in order if below[node] == len(skinned)]  # one line, from the root
+    above = set(shared[:-1])
+    return [node for node in order if below[node] and node not in above]
 
 
 def _nearest_joint(parent: list[int], slot: Mapping[int, int], node: int) -> int | None:

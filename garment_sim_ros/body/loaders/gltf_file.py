@@ -6,7 +6,6 @@ index and offset in the file is checked against what is really there before memo
 
 import base64
 import binascii
-import json
 import struct
 from pathlib import Path
 from typing import Any
@@ -15,11 +14,20 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.body.loaders.input_file import read_bytes
 from garment_sim_ros.errors import InputFileError
+from garment_sim_ros.input_file import MAX_FILE_BYTES, checked_size, read_bytes
+from garment_sim_ros.plain_data import PlainDataError, parse_json
 
 MAX_ELEMENTS = 20_000_000
 """Largest number of elements in one accessor."""
+
+MAX_STRIDE = 252
+"""Largest distance of elements in a buffer that glTF allows [bytes]."""
+
+_NUMBERS_PER_BYTE = 16
+_FREE_NUMBERS = 100_000
+"""Numbers that accessors may give in all, per byte of the file and beside: the same bytes may be
+shown many times, which takes as much work as if they were there."""
 
 SUPPORTED_EXTENSIONS = frozenset(
     {
@@ -40,6 +48,9 @@ class GltfFile:
     Args:
         path: A .gltf, .glb or .vrm file.
 
+    Attributes:
+        size: Bytes of the file and of those files beside it that were read.
+
     Raises:
         InputFileError: The file is missing, truncated, not glTF 2.0, or needs an unsupported
             extension.
@@ -48,6 +59,7 @@ class GltfFile:
     def __init__(self, path: str | Path) -> None:
         self.path = path
         data = read_bytes(path)
+        self.size = len(data)
         self._binary: bytes | None = None
         self._lists: dict[str, list[Any]] = {}
         if data[:4] == b"glTF":
@@ -63,6 +75,7 @@ class GltfFile:
                 "allowed: files exported without mesh compression",
             )
         self._buffers: dict[int, bytes] = {}
+        self._given = 0
 
     def error(self, problem: str, allowed: str = "") -> InputFileError:
         """An error about this file."""
@@ -105,7 +118,7 @@ class GltfFile:
         """The index `owner[key]` into a list of `count`."""
         value = owner.get(key)
         if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < count:
-            raise self.error(f"{key} is {value!r}", f"allowed: 0 to {count - 1}")
+            raise self.error(f"{key} is {value!r:.60}", f"allowed: 0 to {count - 1}")
         return value
 
     def accessor(self, owner: dict[str, Any], key: str, kind: str) -> NDArray[Any]:
@@ -138,9 +151,16 @@ class GltfFile:
         if "bufferView" in accessor:
             raw = self._elements(accessor, dtype, width, count)
         elif "sparse" in accessor:
+            if count > self.size:
+                raise self.error(
+                    f"{key} declares {count} elements without data", f"allowed: {self.size}"
+                )
             raw = np.zeros((count, width), dtype)
         else:
             raise self.error(f"{key} has no bufferView", "allowed: accessors with data")
+        self._given += count * width
+        if self._given > _NUMBERS_PER_BYTE * self.size + _FREE_NUMBERS:
+            raise self.error(f"shows its {self.size} bytes of data too many times")
         if "sparse" in accessor:
             raw = self._sparse(self._object(accessor["sparse"], "sparse"), raw)
         if dtype.kind == "f":
@@ -173,13 +193,10 @@ class GltfFile:
         return chunks[b"JSON"]
 
     def _parse(self, data: bytes) -> dict[str, Any]:
-        def refuse(token: str) -> None:
-            raise ValueError(f"{token} is not a number")
-
         try:
-            content = json.loads(data.decode("utf-8-sig"), parse_constant=refuse)
-        except (ValueError, RecursionError) as error:
-            raise self.error(f"is not glTF ({error})", "allowed: glTF 2.0 JSON or GLB") from error
+            content = parse_json(data.decode("utf-8-sig"))
+        except (PlainDataError, UnicodeDecodeError) as error:
+            raise self.error(f"is not glTF ({error})", "allowed: glTF 2.0 JSON or GLB") from None
         return self._object(content, "the file")
 
     def _object(self, value: Any, label: str) -> dict[str, Any]:
@@ -190,7 +207,7 @@ class GltfFile:
     def _size(self, owner: dict[str, Any], key: str) -> int:
         value = owner.get(key, 0)
         if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-            raise self.error(f"{key} is {value!r}", "allowed: a whole number from 0")
+            raise self.error(f"{key} is {value!r:.60}", "allowed: a whole number from 0")
         return value
 
     def _elements(
@@ -205,6 +222,8 @@ class GltfFile:
         start = view_offset + self._size(owner, "byteOffset")
         element = width * dtype.itemsize
         stride = self._size(view, "byteStride") or element
+        if stride > max(MAX_STRIDE, element):
+            raise self.error(f"byteStride is {stride}", f"allowed: up to {MAX_STRIDE}")
         end = start + (count - 1) * stride + element
         if stride < element or end > view_end or view_end > len(buffer):
             raise self.error(
@@ -260,4 +279,8 @@ class GltfFile:
         name = Path(unquote(uri))
         if "://" in uri or name.is_absolute() or ".." in name.parts:
             raise self.error(f"names the buffer {uri!r}", "allowed: files below its own folder")
-        return read_bytes(Path(self.path).parent / name)
+        path = Path(self.path).parent / name
+        self.size += checked_size(path)
+        if self.size > MAX_FILE_BYTES:
+            raise self.error(f"has {self.size} bytes of data", f"allowed: {MAX_FILE_BYTES}")
+        return read_bytes(path)

@@ -7,6 +7,7 @@ from pathlib import Path
 from garment_sim_ros.body.humanoid import load_humanoid_overrides, overridden
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.errors import InputFileError, ParameterError
+from garment_sim_ros.input_file import exists
 from garment_sim_ros.params import declarations, validated
 
 _ALLOWED = "allowed: .glb, .gltf, .vrm, .urdf, .xml, .obj, .ply, or mannequin[:option=value,...]"
@@ -36,7 +37,7 @@ def load_body(
         humanoid_overrides = {**load_humanoid_overrides(bone_names), **(humanoid_overrides or {})}
     # Each imports what only it needs: a body is ready the sooner, and so is the first cloth.
     name, colon, options = str(source).partition(":")
-    if name == "mannequin" and (colon or not Path(source).exists()):
+    if name == "mannequin" and (colon or not exists(source)):
         return _renamed(_mannequin(options), humanoid_overrides)
     suffix = Path(source).suffix.lower()
     if suffix in (".glb", ".gltf", ".vrm"):
@@ -58,7 +59,7 @@ def load_body(
         from garment_sim_ros.body.loaders.obj import load_static
 
         return _renamed(load_static(source), humanoid_overrides)
-    if not Path(source).exists():
+    if not exists(source):
         raise InputFileError(source, "does not exist", _ALLOWED)
     raise InputFileError(source, f"has the ending {suffix!r}", _ALLOWED)
 
@@ -96,6 +97,6 @@ def _only_sibling(source: str | Path, suffix: str) -> Path | None:
     """The one file with this ending in the same folder, None if there are none or several."""
     try:
         found = sorted(Path(source).parent.glob(f"*{suffix}"))
-    except OSError:
+    except (OSError, ValueError):  # no folder, or no path
         return None
     return found[0] if len(found) == 1 else None

@@ -5,10 +5,7 @@ facing: they are found from the shape and noted. MakeHuman's files (.obj with .m
 y up, face +z, and give each joint as the mean of some vertices of the mesh.
 """
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,35 +14,21 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from garment_sim_ros.body.loaders.assembly import assemble
-from garment_sim_ros.body.loaders.input_file import read_text
-from garment_sim_ros.body.loaders.mesh_file import read_mesh
+from garment_sim_ros.body.loaders.obj_file import read_obj
+from garment_sim_ros.body.loaders.ply_file import read_ply
+from garment_sim_ros.body.loaders.polygons import MAX_MESH_BYTES
 from garment_sim_ros.body.loaders.weights import weight_matrix
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.errors import GeometryError, InputFileError
 from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP
+from garment_sim_ros.plain_data import number_kinds, read_json
 
 FloatArray = NDArray[np.float64]
 
-MAX_OBJ_BYTES = 128 * 2**20
 MAX_JOINTS = 4096
 
 _BODY_GROUP = "body"
 """The group of MakeHuman's base mesh that is the body; the others are helpers."""
-
-
-@dataclass(frozen=True)
-class ObjFile:
-    """Triangles of an OBJ file, polygons split into fans.
-
-    Attributes:
-        vertices: Positions in the file's units and axes, shape [v, 3].
-        triangles: Vertex indices, shape [t, 3].
-        group: Name of the group that each triangle is in, shape [t].
-    """
-
-    vertices: FloatArray
-    triangles: NDArray[np.int64]
-    group: NDArray[np.str_]
 
 
 def load_static(path: str | Path) -> Body:
@@ -54,12 +37,8 @@ def load_static(path: str | Path) -> Body:
     Raises:
         InputFileError: The file cannot be read or is no body.
     """
-    if Path(path).suffix.lower() == ".obj":
-        obj = read_obj(path)
-        vertices, triangles = obj.vertices, obj.triangles
-    else:
-        mesh = read_mesh(path)
-        vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    polygons = read_obj(path) if Path(path).suffix.lower() == ".obj" else read_ply(path)
+    vertices, (triangles, _) = polygons.vertices, polygons.fans()
     notes = ["no rig: one rigid piece on the joint 'root'"]
     used = vertices[np.unique(triangles)]
     R, facing = _upright(used)
@@ -102,9 +81,12 @@ def load_makehuman(
     names, parent, origins = _skeleton(rig_path, obj.vertices)
     W = _weights(weights_path, names, len(obj.vertices))
     notes = ["y up and facing +z, as MakeHuman writes"]
-    triangles = obj.triangles
-    if _BODY_GROUP in obj.group:
-        triangles = triangles[obj.group == _BODY_GROUP]
+    triangles, polygon = obj.fans()
+    if _BODY_GROUP in obj.groups:
+        body = obj.group[polygon] == obj.groups.index(_BODY_GROUP)
+        if not body.any():
+            raise InputFileError(path, f"has no face in its group {_BODY_GROUP!r}")
+        triangles = triangles[body]
         notes.append(f"group {_BODY_GROUP!r} taken; helper geometry left out")
     used = np.unique(triangles)
     compact = np.zeros(len(obj.vertices), dtype=np.int32)
@@ -127,50 +109,6 @@ def load_makehuman(
         )
     except GeometryError as error:
         raise InputFileError(path, str(error)) from error
-
-
-def read_obj(path: str | Path) -> ObjFile:
-    """The triangles of an OBJ file with their groups (``g`` and ``o``).
-
-    Raises:
-        InputFileError: Missing, empty, not OBJ, not finite, or an index out of range.
-    """
-    positions: list[tuple[float, float, float]] = []
-    corners: list[tuple[int, int, int]] = []
-    groups: list[str] = []
-    group = ""
-    for number, line in enumerate(read_text(path, limit=MAX_OBJ_BYTES).split("\n"), start=1):
-        kind, *fields = line.split() or [""]
-        try:
-            if kind == "v":
-                x, y, z = map(float, fields[:3])
-                positions.append((x, y, z))
-            elif kind == "f":
-                index = [int(field.split("/", 1)[0]) for field in fields]
-                if len(index) < 3 or 0 in index:
-                    raise ValueError
-                index = [i - 1 if i > 0 else len(positions) + i for i in index]
-                fan = [(index[0], b, c) for b, c in pairwise(index[1:])]
-                corners.extend(fan)
-                groups.extend([group] * len(fan))
-            elif kind in ("g", "o"):
-                group = " ".join(fields)
-        except ValueError:
-            raise InputFileError(
-                path, f"line {number} reads {line[:60]!r}", "allowed: v x y z, f i j k ..."
-            ) from None
-    vertices = np.array(positions, dtype=np.float64).reshape(-1, 3)
-    if not corners:
-        raise InputFileError(path, "has no faces", "allowed: a surface")
-    if not np.isfinite(vertices).all():
-        bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
-        raise InputFileError(path, f"vertex {bad + 1} is not finite")
-    triangles = np.array(corners, dtype=np.int64)
-    if triangles.min() < 0 or triangles.max() >= len(vertices):
-        raise InputFileError(
-            path, "a face names a vertex that is not there", f"allowed: 1 to {len(vertices)}"
-        )
-    return ObjFile(vertices, triangles, np.array(groups))
 
 
 def _upright(vertices: FloatArray) -> tuple[FloatArray, str]:
@@ -206,14 +144,7 @@ def _on_ground(points: FloatArray, body: FloatArray) -> FloatArray:
 
 def _json_object(path: str | Path, *keys: str) -> list[dict[str, Any]]:
     """The objects under some keys of a JSON file."""
-
-    def refuse(token: str) -> None:
-        raise ValueError(f"{token} is not a number")
-
-    try:
-        content = json.loads(read_text(path, limit=MAX_OBJ_BYTES), parse_constant=refuse)
-    except (ValueError, RecursionError) as error:
-        raise InputFileError(path, f"is not JSON ({error})") from error
+    content = read_json(path, limit=MAX_MESH_BYTES)
     found = []
     for key in keys:
         value = content.get(key) if isinstance(content, dict) else None
@@ -230,36 +161,46 @@ def _skeleton(
     bones, joints = _json_object(path, "bones", "joints")
     if not 0 < len(bones) <= MAX_JOINTS:
         raise InputFileError(path, f"has {len(bones)} bones", f"allowed: 1 to {MAX_JOINTS}")
+    parents: dict[str, str | None] = {}
+    start: dict[str, FloatArray] = {}
     children: dict[str | None, list[str]] = {}
-    origin: dict[str, FloatArray] = {}
+    place: dict[str, FloatArray] = {}
     for name, bone in bones.items():
         above = bone.get("parent") if isinstance(bone, dict) else ""
         if above is not None and (not isinstance(above, str) or above not in bones):
-            raise InputFileError(path, f"bone {name!r} has the parent {above!r}", "a bone's name")
-        children.setdefault(above, []).append(name)
-        marker = joints.get(str(bone.get("head")))
-        if (
-            not isinstance(marker, list)
-            or not marker
-            or not all(type(v) is int and 0 <= v < len(vertices) for v in marker)
-        ):
             raise InputFileError(
-                path,
-                f"bone {name!r} starts at {str(marker)[:60]}",
-                f"allowed: a joint made of vertices 0 to {len(vertices) - 1} of the mesh",
+                path, f"bone {name!r} has the parent {above!r:.60}", "allowed: a bone's name"
             )
-        origin[name] = vertices[marker].mean(axis=0)
+        parents[name] = above
+        children.setdefault(above, []).append(name)
+        head = bone.get("head")
+        head = head if isinstance(head, str) else ""
+        if head not in place:  # many bones may start at one joint
+            marker = joints.get(head)
+            if (
+                not isinstance(marker, list)
+                or not marker
+                or not all(type(v) is int and 0 <= v < len(vertices) for v in marker)
+            ):
+                raise InputFileError(
+                    path,
+                    f"bone {name!r} starts at {marker!r:.60}",
+                    f"allowed: a joint made of vertices 0 to {len(vertices) - 1} of the mesh",
+                )
+            place[head] = vertices[marker].mean(axis=0)
+        start[name] = place[head]
     order: list[str] = []
     stack = children.get(None, [])[::-1]
     while stack:
         order.append(stack.pop())
         stack.extend(reversed(children.get(order[-1], [])))
     if len(order) != len(bones):
-        cyclic = next(name for name in bones if name not in set(order))
+        reached = set(order)
+        cyclic = next(name for name in bones if name not in reached)
         raise InputFileError(path, f"bone {cyclic!r} is its own ancestor", "allowed: a tree")
-    index = {name: j for j, name in enumerate(order)}
-    parent = np.array([index.get(bones[name]["parent"], -1) for name in order], dtype=np.int32)
-    return order, parent, np.array([origin[name] for name in order])
+    index: dict[str | None, int] = {name: j for j, name in enumerate(order)}
+    parent = np.array([index.get(parents[name], -1) for name in order], dtype=np.int32)
+    return order, parent, np.array([start[name] for name in order])
 
 
 def _weights(path: str | Path, names: list[str], vertex_count: int) -> sp.csr_matrix:
@@ -271,8 +212,10 @@ def _weights(path: str | Path, names: list[str], vertex_count: int) -> sp.csr_ma
         if name not in index:
             raise InputFileError(path, f"weights the bone {name!r}", "allowed: bones of the rig")
         try:
+            if pairs != [] and not number_kinds(pairs):
+                raise ValueError
             table = np.array(pairs, dtype=np.float64).reshape(-1, 2)
-        except (TypeError, ValueError):
+        except (ValueError, OverflowError):
             raise InputFileError(
                 path, f"bone {name!r} has malformed weights", "allowed: [[vertex, weight], ...]"
             ) from None

@@ -15,12 +15,12 @@ import numpy as np
 
 from garment_sim_ros.body.humanoid import humanoid_map
 from garment_sim_ros.body.kinematics import followed_channels, rest_transforms
-from garment_sim_ros.body.loaders.input_file import read_text
 from garment_sim_ros.body.loaders.urdf_visuals import MeshFinder, rigid_skin
 from garment_sim_ros.body.loaders.urdf_xml import MAX_TEXT, numbers, origin_transform, root_element
 from garment_sim_ros.body.rig import ROTATION, TRANSLATION, Dofs, Rig
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.errors import GeometryError, InputFileError
+from garment_sim_ros.input_file import read_text
 
 MAX_LINKS = 4096
 
@@ -126,7 +126,8 @@ def _rig(robot: Element, source: str) -> Rig:
         order.append(stack.pop())
         stack.extend(reversed(children[order[-1]]))
     if len(order) != len(links):
-        cyclic = next(link for link in links if link not in set(order))
+        reached = set(order)
+        cyclic = next(link for link in links if link not in reached)
         raise InputFileError(source, f"link {cyclic!r} is its own ancestor", "allowed: a tree")
 
     index = {link: i for i, link in enumerate(order)}

@@ -13,20 +13,25 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from garment_sim_ros.body.loaders.mesh_file import read_mesh
+from garment_sim_ros.body.loaders.urdf_shapes import box, capsule, cylinder, divisions_for, sphere
 from garment_sim_ros.body.loaders.urdf_xml import numbers, origin_transform
 from garment_sim_ros.body.loaders.welding import weld
 from garment_sim_ros.body.rig import Rig
 from garment_sim_ros.body.skin import Skin
-from garment_sim_ros.errors import InputFileError
+from garment_sim_ros.errors import GeometryError, InputFileError
 from garment_sim_ros.geometry.transforms import invert_transform, transform_points
+from garment_sim_ros.input_file import is_file
 
 if TYPE_CHECKING:
     import trimesh
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
-MAX_SIZE = 100.0
-"""Largest measure of a primitive [m]."""
+MIN_SIZE, MAX_SIZE = 1e-6, 100.0
+"""Smallest and largest measure of a shape [m]."""
+
+MAX_SHAPES = 4096
 
 MAX_VERTICES = 2_000_000
 """Largest number of vertices of the whole skin."""
@@ -64,8 +69,8 @@ class MeshFinder:
             InputFileError: There is no such file.
         """
         try:
-            return next(filter(Path.is_file, self._candidates(uri)))
-        except (StopIteration, ValueError, OSError):
+            return next(filter(is_file, self._candidates(uri)))
+        except (StopIteration, ValueError):
             raise InputFileError(
                 self.source, f"names the mesh {uri[:200]!r}, which is not there"
             ) from None
@@ -84,7 +89,9 @@ class MeshFinder:
             candidates = [self._folder / unquote(parts.path)]
         else:
             raise InputFileError(
-                self.source, f"names the mesh {uri!r}", "allowed: files, file:// and package://"
+                self.source,
+                f"names the mesh {uri[:200]!r}",
+                "allowed: files, file:// and package://",
             )
         return candidates
 
@@ -115,17 +122,27 @@ def rigid_skin(
         raise InputFileError(finder.source, "has no visual geometry", "allowed: links with shapes")
     vertices, triangles, link = [], [], []
     count = 0
-    for index, T_link_part, mesh in parts:
-        vertices.append(transform_points(T_root_link[index] @ T_link_part, mesh.vertices))
-        triangles.append(mesh.faces + count)
-        link.append(np.full(len(mesh.vertices), index))
-        count += len(mesh.vertices)
+    for index, T_link_part, points, faces in parts:
+        vertices.append(transform_points(T_root_link[index] @ T_link_part, points))
+        triangles.append(faces + count)
+        link.append(np.full(len(points), index))
+        count += len(points)
     owner = np.concatenate(link)
     W = sp.csr_matrix((np.ones(count), (np.arange(count), owner)), shape=(count, len(rig)))
-    x, faces, W = weld(np.concatenate(vertices), np.concatenate(triangles).astype(np.int32), W)
+    everything = np.concatenate(vertices)
+    if not np.isfinite(everything).all():
+        raise InputFileError(finder.source, "has shapes at places that are not finite")
+    try:
+        x, welded, W = weld(everything, np.concatenate(triangles).astype(np.int32), W)
+    except GeometryError as error:
+        raise InputFileError(finder.source, str(error)) from error
+    if len(welded) == 0:
+        raise InputFileError(
+            finder.source, "has shapes too thin for its size", "allowed: shapes with an area"
+        )
     skin = Skin(
         vertices=x,
-        triangles=faces,
+        triangles=welded,
         bone=W.indices[:, None],
         weight=np.ones((len(x), 1)),
         T_bone_bind=invert_transform(T_root_link),
@@ -133,67 +150,79 @@ def rigid_skin(
     return skin, notes
 
 
-def _parts(
-    robot: Element, rig: Rig, tag: str, finder: MeshFinder
-) -> list[tuple[int, FloatArray, trimesh.Trimesh]]:
-    """Link, transform in the link, and triangles of every <visual> or <collision>."""
+_Part = tuple[int, FloatArray, FloatArray, IntArray]
+"""Link, transform of the shape in the link, vertices and triangles of the shape."""
+
+
+def _parts(robot: Element, rig: Rig, tag: str, finder: MeshFinder) -> list[_Part]:
+    """Every <visual> or <collision>."""
+    elements = [
+        (link.get("name", ""), e) for link in robot.findall("link") for e in link.findall(tag)
+    ]
+    if len(elements) > MAX_SHAPES:
+        raise InputFileError(
+            finder.source, f"has {len(elements)} <{tag}>", f"allowed: up to {MAX_SHAPES}"
+        )
+    number = {name: i for i, name in enumerate(rig.joint_names)}
+    divisions = divisions_for(len(elements))
     parts = []
     total = 0
-    for link in robot.findall("link"):
-        for element in link.findall(tag):
-            geometry = element.find("geometry")
-            if geometry is None or len(geometry) == 0:
-                raise InputFileError(
-                    finder.source, f"link {link.get('name')!r} has a <{tag}> without geometry"
-                )
-            mesh = _triangulated(geometry[0], finder)
-            total += len(mesh.vertices)
-            if total > MAX_VERTICES:
-                raise InputFileError(finder.source, f"has over {MAX_VERTICES} vertices")
-            T_link_part = origin_transform(element, finder.source)
-            parts.append((rig.index(link.get("name", "")), T_link_part, mesh))
+    for name, element in elements:
+        geometry = element.find("geometry")
+        if geometry is None or len(geometry) == 0:
+            raise InputFileError(finder.source, f"link {name!r} has a <{tag}> without geometry")
+        vertices, triangles = _triangulated(geometry[0], finder, divisions)
+        total += len(vertices)
+        if total > MAX_VERTICES:
+            raise InputFileError(finder.source, f"has over {MAX_VERTICES} vertices")
+        T_link_part = origin_transform(element, finder.source)
+        parts.append((number[name], T_link_part, vertices, triangles))
     return parts
 
 
-def _triangulated(shape: Element, finder: MeshFinder) -> trimesh.Trimesh:
-    import trimesh  # takes most of a second, which URDFs without geometry need not wait
+def _triangulated(
+    shape: Element, finder: MeshFinder, divisions: int
+) -> tuple[FloatArray, IntArray]:
+    """Vertices and triangles of a shape."""
 
     def size(key: str, count: int = 1) -> FloatArray:
         value = numbers(shape, key, "", count, finder.source)
-        if not ((value > 0.0) & (value <= MAX_SIZE)).all():
+        if not ((value >= MIN_SIZE) & (value <= MAX_SIZE)).all():
             raise InputFileError(
                 finder.source,
-                f"<{shape.tag} {key}={shape.get(key)!r}>",
-                f"allowed: above 0 to {MAX_SIZE:g} m",
+                f"<{shape.tag} {key}={shape.get(key)!r:.60}>",
+                f"allowed: {MIN_SIZE:g} to {MAX_SIZE:g} m",
             )
         return value
 
     if shape.tag == "box":
-        return _even(trimesh.creation.box(extents=size("size", 3)))
+        return box(size("size", 3), divisions)
     if shape.tag == "sphere":
-        return trimesh.creation.icosphere(subdivisions=2, radius=size("radius")[0])
+        return sphere(float(size("radius")[0]))
     if shape.tag in ("cylinder", "capsule"):
-        make = getattr(trimesh.creation, shape.tag)
-        return _even(make(radius=size("radius")[0], height=size("length")[0]))
+        make = cylinder if shape.tag == "cylinder" else capsule
+        return make(float(size("radius")[0]), float(size("length")[0]), divisions)
     if shape.tag == "mesh":
-        mesh = finder.mesh(shape.get("filename", "")).copy()
+        mesh = finder.mesh(shape.get("filename", ""))
         scale = numbers(shape, "scale", "1 1 1", 3, finder.source)
-        mesh.vertices = mesh.vertices * scale
-        if np.prod(scale) < 0.0:
-            mesh.invert()
-        return mesh
+        if not ((np.abs(scale) >= MIN_SIZE) & (np.abs(scale) <= 1.0 / MIN_SIZE)).all():
+            raise InputFileError(
+                finder.source,
+                f"<mesh scale={shape.get('scale')!r:.60}>",
+                f"allowed: {MIN_SIZE:g} to {1.0 / MIN_SIZE:g}",
+            )
+        vertices = mesh.vertices * scale
+        if np.abs(vertices).max() > MAX_SIZE:
+            raise InputFileError(
+                finder.source,
+                f"the mesh {shape.get('filename', '')!r:.200} reaches "
+                f"{np.abs(vertices).max():.3g} m",
+                f"allowed: up to {MAX_SIZE:g} m",
+            )
+        triangles = np.asarray(mesh.faces, np.int64)
+        return vertices, triangles[:, ::-1] if np.prod(scale) < 0.0 else triangles
     raise InputFileError(
         finder.source,
         f"has the shape <{shape.tag}>",
         "allowed: box, sphere, cylinder, capsule, mesh",
     )
-
-
-def _even(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The same shape with vertices all over it, which fitting colliders needs."""
-    import trimesh
-
-    vertices, faces = trimesh.remesh.subdivide_to_size(
-        mesh.vertices, mesh.faces, max_edge=mesh.extents.max() / 6.0
-    )[:2]
-    return trimesh.Trimesh(vertices, faces, process=False)

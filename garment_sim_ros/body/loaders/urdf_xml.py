@@ -14,6 +14,9 @@ FloatArray = NDArray[np.float64]
 
 MAX_TEXT = 16 * 2**20
 """Longest URDF that is parsed [characters]."""
+MAX_TAGS = 500_000
+MAX_DISTANCE = 1e4
+"""Farthest from its parent that a joint or a shape may be [m]."""
 
 
 def root_element(text: str, source: str) -> Element:
@@ -24,6 +27,8 @@ def root_element(text: str, source: str) -> Element:
     """
     if len(text) > MAX_TEXT:
         raise InputFileError(source, f"has {len(text)} characters", f"allowed: {MAX_TEXT}")
+    if text.count("<") > MAX_TAGS:
+        raise InputFileError(source, f"has {text.count('<')} tags", f"allowed: {MAX_TAGS}")
     try:
         robot = fromstring(text, forbid_dtd=True)
     except (ParseError, DefusedXmlException, ValueError) as error:
@@ -47,12 +52,12 @@ def numbers(element: Element, key: str, default: str, count: int, source: str) -
     """
     value = element.get(key, default)
     try:
-        array = np.array([float(v) for v in value.split()])
+        array = np.array([float(v) for v in value.split(maxsplit=count)])
     except ValueError:
         array = np.zeros(0)
     if array.shape != (count,) or not np.isfinite(array).all():
         raise InputFileError(
-            source, f"<{element.tag} {key}={value!r}>", f"allowed: {count} finite numbers"
+            source, f"<{element.tag} {key}={value!r:.200}>", f"allowed: {count} finite numbers"
         )
     return array
 
@@ -65,4 +70,10 @@ def origin_transform(owner: Element, source: str) -> FloatArray:
         rpy = numbers(origin, "rpy", "0 0 0", 3, source)
         T[:3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
         T[:3, 3] = numbers(origin, "xyz", "0 0 0", 3, source)
+        if np.abs(T[:3, 3]).max() > MAX_DISTANCE:
+            raise InputFileError(
+                source,
+                f"<origin xyz={origin.get('xyz')!r:.200}>",
+                f"allowed: up to {MAX_DISTANCE:g} m",
+            )
     return T

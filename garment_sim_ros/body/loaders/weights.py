@@ -10,6 +10,9 @@ from garment_sim_ros.errors import GeometryError
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
+MAX_INFLUENCES = 64
+"""Most joints that one vertex may follow: rows of all vertices are as long as the longest."""
+
 SUM_TOLERANCE = 0.01
 """Weights whose sum differs from 1 by more are mentioned to the user; all are normalised."""
 
@@ -86,9 +89,16 @@ def influences(W: sp.csr_matrix) -> tuple[IntArray, FloatArray]:
 
     Returns:
         Joints and weights, both of shape [v, k], k the largest number of influences.
+
+    Raises:
+        GeometryError: A vertex follows too many joints.
     """
     W = sp.csr_matrix(W)
     counts = np.diff(W.indptr)
+    if counts.max(initial=0) > MAX_INFLUENCES:
+        raise GeometryError(
+            f"a vertex has weights of {counts.max()} joints; allowed: up to {MAX_INFLUENCES}"
+        )
     row = np.repeat(np.arange(W.shape[0]), counts)
     order = np.lexsort((W.indices, -W.data, row))
     column = np.arange(W.nnz) - np.repeat(W.indptr[:-1], counts)
