@@ -83,7 +83,7 @@ def test_bones_of_a_body_are_named_in_a_file(odd, names):
     assert body.humanoid == {}
     line = missing_bones_of(body)
     assert "hips, spine/chest/upperChest, neck/head, leftUpperArm" in line
-    assert "Becken" in line
+    assert "Kopf" in line
     assert "\n" not in line
     told = load_body(odd, bone_names=names)
     assert told.humanoid == {
