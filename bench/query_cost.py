@@ -13,7 +13,7 @@ import numpy as np
 
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.colliders.capsules.capsules import fit_capsules, fit_spheres
-from garment_sim_ros.colliders.ellipsoids.ellipsoids import fit_ellipsoids
+from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import fit_ellipsoids
 from garment_sim_ros.colliders.hulls.hulls import fit_hulls
 from garment_sim_ros.colliders.report.surfaces import surface
 from garment_sim_ros.contact.collide import shape_distance

@@ -11,10 +11,11 @@ import argparse
 import dataclasses
 import itertools
 import json
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
-from naive.naive_self_collision import crossings
 
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.colliders.fitting import fit_colliders
@@ -25,6 +26,9 @@ from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.sim.self_collision.garment import own_distance
 from garment_sim_ros.sim.simulation import Simulation
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "test"))
+from naive.naive_self_collision import crossings
 
 FRAME = 1 / 60
 

@@ -184,7 +184,7 @@ class MocapPlayerParameters:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class HullSettings:
-    """How to fit hulls; other methods take `delta` of these."""
+    """How to fit hulls; all other methods but the mesh take `delta` of these."""
 
     delta: float = parameter(
         0.003, "Inflation of all shapes.", unit="m", minimum=0.0, maximum=0.05

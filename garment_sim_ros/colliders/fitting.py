@@ -1,8 +1,28 @@
-"""Colliders for a body by the name of a method."""
+"""Colliders for a body by the name of a method: what nodes, commands and outfits fit with."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.contact.shapes import ColliderSet
+from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.params import ColliderOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """A fit and what only its method tells about it.
+
+    Attributes:
+        colliders: Shapes, and one frame per major bone.
+        notes: What people should know, one line each.
+        report: Makes the method's own figures; ``shapes`` among them are by collider.
+    """
+
+    colliders: ColliderSet
+    notes: tuple[str, ...] = ()
+    report: Callable[[], dict[str, Any]] = dict
 
 
 def fit_colliders(body: Body, options: ColliderOptions | None = None) -> ColliderSet:
@@ -17,33 +37,115 @@ def fit_colliders(body: Body, options: ColliderOptions | None = None) -> Collide
         GeometryError: The body cannot be fitted.
         ParameterError: An option is out of range.
     """
-    options = options or ColliderOptions()
-    delta, thickness = options.delta, options.thickness
-    # Each imports what only it needs: a fit that was kept needs none of it.
-    if options.method == "hulls":
-        from garment_sim_ros.colliders.hulls.hulls import fit_hulls
+    return fitted(body, options or ColliderOptions()).colliders
 
-        return fit_hulls(body, options, thickness=thickness).colliders
-    if options.method == "ellipsoids":
-        from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import fit_ellipsoids
 
-        return fit_ellipsoids(body, options, delta=delta, thickness=thickness)[0]
-    if options.method == "sdf":
-        from garment_sim_ros.colliders.signed_distance import fit_signed_distances
+def fitted(body: Body, options: ColliderOptions, method: str = "") -> Fit:
+    """The same with what the method tells about it.
 
-        return fit_signed_distances(
-            body,
-            options,
-            delta=delta,
-            merge=options.merge,
-            bend=options.joints != "none",
-            thickness=thickness,
-        ).colliders
-    if options.method == "mesh":
-        from garment_sim_ros.colliders.exact_mesh import fit_mesh
+    Args:
+        body: Rig and skin.
+        options: Method and its settings.
+        method: One of `METHODS`, instead of that of the options.
 
-        return fit_mesh(body, thickness=thickness)
-    from garment_sim_ros.colliders.capsules.capsules import fit_capsules, fit_spheres
+    Raises:
+        GeometryError: The body cannot be fitted.
+        ParameterError: An option is out of range.
+    """
+    method = method or options.method
+    if method not in METHODS:
+        raise ParameterError("method", f"found {method!r}", "allowed: " + ", ".join(METHODS))
+    return METHODS[method](body, options)
 
-    fit = fit_capsules if options.method == "capsules" else fit_spheres
-    return fit(body, delta=delta, thickness=thickness)
+
+# Each imports what only it needs: a fit that was kept needs none of it.
+
+
+def _hulls(body: Body, options: ColliderOptions) -> Fit:
+    from garment_sim_ros.colliders.hulls.hull_report import hull_report
+    from garment_sim_ros.colliders.hulls.hulls import fit_hulls
+
+    fit = fit_hulls(body, options, thickness=options.thickness)
+    return Fit(
+        colliders=fit.colliders,
+        notes=tuple(f"{s.name}: {s.kind}, {s.note}" for s in fit.shapes if s.kind != "hull"),
+        report=lambda: {"shapes": hull_report(fit)},
+    )
+
+
+def _signed_distances(body: Body, options: ColliderOptions) -> Fit:
+    from garment_sim_ros.colliders.signed_distance import fit_signed_distances
+
+    fit = fit_signed_distances(
+        body,
+        options,
+        delta=options.delta,
+        merge=options.merge,
+        bend=options.joints != "none",
+        thickness=options.thickness,
+    )
+    return Fit(
+        colliders=fit.colliders,
+        notes=tuple(f"{grid.name}: {grid.note}" for grid in fit.shapes if grid.note),
+        report=lambda: {"shapes": fit.report()},
+    )
+
+
+def _ellipsoids(body: Body, options: ColliderOptions) -> Fit:
+    from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import fit_ellipsoids
+
+    colliders, report = fit_ellipsoids(
+        body, options, delta=options.delta, thickness=options.thickness
+    )
+    assumed = report.get("segmentation", {}).get("assumed", ())
+    return Fit(
+        colliders=colliders,
+        notes=tuple(f"assumed: {note}" for note in assumed),
+        report=lambda: {"ellipsoid_fit": report},
+    )
+
+
+def _auto(body: Body, options: ColliderOptions) -> Fit:
+    from garment_sim_ros.colliders.mixed import fit_mixed
+
+    colliders, report = fit_mixed(
+        body, options, segmentation=options.segmentation, thickness=options.thickness
+    )
+    notes = [f"assumed: {note}" for note in report["assumed"]]
+    for name, part in report["parts"].items():
+        figures = ", ".join(
+            f"{kind} {part[kind]['mean_mm']:.1f} mm for {part[kind]['cost_ns']:.0f} ns"
+            for kind in ("hull", "ellipsoid", "capsule")
+        )
+        notes.append(f"{name}: {part['chosen']} ({figures})")
+    return Fit(colliders=colliders, notes=tuple(notes), report=lambda: {"auto": report})
+
+
+def _capsules(body: Body, options: ColliderOptions) -> Fit:
+    from garment_sim_ros.colliders.capsules.capsules import fit_capsules
+
+    return Fit(colliders=fit_capsules(body, delta=options.delta, thickness=options.thickness))
+
+
+def _spheres(body: Body, options: ColliderOptions) -> Fit:
+    from garment_sim_ros.colliders.capsules.capsules import fit_spheres
+
+    return Fit(colliders=fit_spheres(body, delta=options.delta, thickness=options.thickness))
+
+
+def _mesh(body: Body, options: ColliderOptions) -> Fit:
+    from garment_sim_ros.colliders.exact_mesh import fit_mesh
+
+    return Fit(colliders=fit_mesh(body, thickness=options.thickness))
+
+
+METHODS: dict[str, Callable[[Body, ColliderOptions], Fit]] = {
+    "hulls": _hulls,
+    "capsules": _capsules,
+    "ellipsoids": _ellipsoids,
+    "spheres": _spheres,
+    "sdf": _signed_distances,
+    "mesh": _mesh,
+    "auto": _auto,
+}
+"""All methods; ``auto`` takes for each part of a body the tightest at equal run-time cost."""

@@ -17,7 +17,8 @@ from std_msgs.msg import Header, String
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.body.retargeting import Retargeter
-from garment_sim_ros.colliders.description import from_json
+from garment_sim_ros.cli import main as cli
+from garment_sim_ros.colliders.description import from_json, load_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.source_urdf import reference_from_urdf, urdf_from_clip
@@ -370,3 +371,15 @@ def test_clean_end(node, feeder):
     node.send(signal.SIGINT)
     assert node.wait() == 0
     assert "Traceback" not in node.output
+
+
+def test_fits_what_the_command_fits(start_node, make_probe, until, tmp_path):
+    probe = make_probe("/fit_test")
+    description = probe.listen(COLLIDER_DESCRIPTION)
+    options = {"body": "mannequin:vertices=1000", "method": "capsules", "delta": 0.006}
+    start_node("collider_node", "/fit_test", cache=False, **options)
+    out = tmp_path / "c.json"
+    words = ["fit", options["body"], "--method", "capsule", "--delta", "0.006", "--out", str(out)]
+    assert cli.main(words) == 0
+    told = until(lambda: probe.received(description), "a description")
+    assert from_json(told[0].data).revision == load_colliders(out).revision

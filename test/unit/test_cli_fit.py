@@ -11,9 +11,11 @@ from PIL import Image
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.cli import main as cli
 from garment_sim_ros.colliders.description import load_colliders
+from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.report.fit_report import fit_report, skin_distance
 from garment_sim_ros.colliders.report.surfaces import surface
 from garment_sim_ros.contact.shapes import Collider, ColliderSet
+from garment_sim_ros.params import ColliderOptions
 
 
 def test_fit_writes_colliders_report_and_picture(tmp_path, capsys):
@@ -119,3 +121,15 @@ def test_interrupt_leaves_nothing(tmp_path):
     done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, check=False)
     assert done.returncode == 130
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("method", ["hull", "capsule", "sphere", "ellipsoid", "sdf", "mesh"])
+def test_fits_what_the_node_fits(method, tmp_path):
+    """The same options give the same geometry, `delta` included."""
+    words = ["--method", method, "--delta", "0.006", "--voxel", "0.03", "--max-ellipsoids", "20"]
+    out = tmp_path / "c.json"
+    assert cli.main(["fit", "mannequin:vertices=1000", *words, "--out", str(out)]) == 0
+    plural = method if method in ("sdf", "mesh") else f"{method}s"
+    options = ColliderOptions(method=plural, delta=0.006, voxel=0.03, max_ellipsoids=20)
+    expected = fit_colliders(load_body("mannequin:vertices=1000"), options)
+    assert load_colliders(out).revision == expected.revision

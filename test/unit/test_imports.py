@@ -27,3 +27,14 @@ assert "rclpy" not in sys.modules and "std_msgs" not in sys.modules
         [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_benches_find_what_they_import():
+    """In one process, without running any of them."""
+    benches = sorted(path.stem for path in (REPOSITORY / "bench").glob("*.py"))
+    code = "import sys; sys.path.insert(0, sys.argv[1])\n" + "\n".join(
+        f"import {name}" for name in benches
+    )
+    command = [sys.executable, "-c", code, str(REPOSITORY / "bench")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-500:]
