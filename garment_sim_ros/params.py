@@ -313,6 +313,13 @@ class ColliderNodeParameters(ColliderOptions, _Avatar):
     time_jump: float = parameter(
         1.0, "Stamps farther apart begin a new time.", unit="s", minimum=0.05, maximum=1e6
     )
+    stale_after: float = parameter(
+        1.0,
+        "After so long without input the node is STALE; another publisher may then take over.",
+        unit="s",
+        minimum=0.05,
+        maximum=1e6,
+    )
     frame_id: str = parameter("world", "Frame of everything published, z up.")
 
 
@@ -371,6 +378,13 @@ class ClothNodeParameters:
     )
     time_jump: float = parameter(
         1.0, "Stamps farther apart begin a new time.", unit="s", minimum=0.05, maximum=1e6
+    )
+    stale_after: float = parameter(
+        1.0,
+        "After so long without poses the node is STALE and does not publish garments again.",
+        unit="s",
+        minimum=0.05,
+        maximum=1e6,
     )
     frame_id: str = parameter("world", "Frame of poses and garments, z up.")
 

@@ -133,19 +133,20 @@ def refit_entries(
         GeometryError: They do not fit together.
     """
     result = {}
+    of_frames = {i for i, c in enumerate(colliders.colliders) if c.kind == "frame"}
     for i, c in enumerate(colliders.colliders):
         if c.kind == "ellipsoid" and "points" in c.geometry:
             try:
-                result[i] = _entries(c.geometry, colliders)
+                result[i] = _entries(c.geometry, of_frames)
             except (GeometryError, KeyError, ValueError) as error:
                 raise GeometryError(f"collider {c.name!r}: {error}") from None
     return result
 
 
 def _entries(
-    geometry: Mapping[str, object], colliders: ColliderSet
+    geometry: Mapping[str, object], of_frames: set[int]
 ) -> tuple[IntArray, FloatArray, FloatArray, float]:
-    """Checked values of `REFIT_KEYS`."""
+    """Checked values of `REFIT_KEYS`; `of_frames` are the indices of the set's frames."""
     frames = np.asarray(geometry["frames"])
     points, weights, inflation = (np.asarray(geometry[key], np.float64) for key in REFIT_KEYS[1:])
     b = len(frames) if frames.ndim == 1 else 0
@@ -155,7 +156,6 @@ def _entries(
             f"frames {frames.shape}, points {points.shape}, weights {weights.shape}; allowed: "
             f"[b], [b, n, 3] and [b, n] with n up to {MAX_POINTS}"
         )
-    of_frames = {i for i, c in enumerate(colliders.colliders) if c.kind == "frame"}
     if frames.dtype.kind not in "iu" or not set(frames.tolist()) <= of_frames:
         raise GeometryError(
             f"frames {frames.tolist()}; allowed: indices of colliders of that kind"

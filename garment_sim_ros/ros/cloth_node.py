@@ -11,6 +11,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.missing_bones import missing_bones_of
+from garment_sim_ros.colliders.description import MAX_TEXT
 from garment_sim_ros.errors import MessageError, ParameterError
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, read_outfit
 from garment_sim_ros.params import ClothNodeParameters, Environment, declarations
@@ -28,15 +29,22 @@ from garment_sim_ros.ros.interfaces import (
 from garment_sim_ros.ros.lifecycle import ManagedNode, run
 from garment_sim_ros.ros.parameters import NodeParameters
 from garment_sim_ros.ros.progress import reporting
+from garment_sim_ros.ros.rclpy_internals import PARTICIPANT, Taken
+from garment_sim_ros.ros.sources import OTHER_PUBLISHER, Source
 from garment_sim_ros.ros.ticker import SECOND
 from garment_sim_ros.sim.account import account, in_words
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.sim.warm_up import warm_up
+from garment_sim_ros.sim.world.wind_field import wind_field
 
 _FASTEST_INPUT = 1000.0
 """Poses may come this often without any being lost between two frames [Hz]."""
 _DYNAMIC_FORCES = ("gravity", "wind", "root_linear_inertia", "root_angular_inertia")
+_MOST_DESCRIBED = 4
+"""Processes whose descriptions are kept, for the case that their poses are followed."""
+_WAIT = 0.1
+"""Between two looks whether the node is to end [s]."""
 _MOST_EARLY_POSES = 10_000
 """Messages kept, with `step_on` poses, until the description is there."""
 
@@ -47,11 +55,19 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
     def __init__(self) -> None:
         super().__init__("cloth_node", ClothNodeParameters, dynamic=("delay",))
         self._environment = NodeParameters(
-            self, Environment, dynamic=_DYNAMIC_FORCES, on_change=self._change_forces
+            self,
+            Environment,
+            dynamic=_DYNAMIC_FORCES,
+            check=lambda environment: self._try(environment, self._settings.values),
+            on_change=self._change_forces,
         )
         group = _settings_of(self.parameters.solver)
         self._settings = NodeParameters(
-            self, group, dynamic=tuple(declarations(group)), on_change=self._change_forces
+            self,
+            group,
+            dynamic=tuple(declarations(group)),
+            check=lambda settings: self._try(self._environment.values, settings),
+            on_change=self._change_forces,
         )
         self._stepper: ClothStepper | None = None
         self._topics: dict[str, GarmentPublishers] = {}
@@ -101,15 +117,21 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             solver=p.solver,
             solver_step=p.solver_step,
             warm_up=compiled,
+            parameters=self._forces,
         )
         self._steps_on_poses = p.step_on == "poses"
         self._quality = self.advertise(QUALITY)
-        self.subscribe(COLLIDER_DESCRIPTION, self._take_description, always=True)
-        if self._steps_on_poses:
-            self.subscribe(COLLIDER_POSES, self._take_poses, keep_all=True)
-        else:
-            room = math.ceil(2.0 * _FASTEST_INPUT / p.rate)
-            self._poll = self.poll(COLLIDER_POSES, self._take_poses, room=room)
+        self._described: dict[bytes, str] = {}
+        self._worn_from: bytes | None = None
+        self._source = Source(p.stale_after)
+        self.take_in(COLLIDER_DESCRIPTION, self._take_description, always=True)
+        self._poses = self.take_in(
+            COLLIDER_POSES,
+            self._take_poses,
+            source=self._source,
+            keep_all=self._steps_on_poses,
+            room=0 if self._steps_on_poses else math.ceil(2.0 * _FASTEST_INPUT / p.rate),
+        )
 
     def start(self) -> None:
         """Begin to publish as soon as there are poses."""
@@ -131,6 +153,19 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         if self._stepper is not None:
             self._stepper.delay = parameters.delay
 
+    def _try(self, environment: Environment, settings: object) -> None:
+        """See whether values suit each other and the colliders.
+
+        Raises:
+            ParameterError: They do not.
+        """
+        wind_field(environment)
+        if self._stepper is not None:
+            simulation = self._stepper.simulation
+            before = simulation.parameters
+            simulation.parameters = Parameters(environment=environment, settings=settings)
+            simulation.parameters = before
+
     def _change_forces(self, _: object) -> None:
         if self._stepper is not None:
             self._stepper.simulation.parameters = self._forces()
@@ -146,9 +181,14 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             text = f"waits for {missing.name}" if self.state == "active" else self.state
             return Condition(text=text, well=self.state != "active")
         health = [stepper.simulation.health(name) for name in stepper.simulation.names]
+        silent = self._poses.silent()
+        stale = silent > self.parameters.stale_after
+        text = "paused" if self._paused else "simulates"
         return Condition(
-            text="paused" if self._paused else "simulates",
+            text=f"no usable {COLLIDER_POSES.name} for {silent:.1f} s" if stale else text,
+            stale=stale,
             values={
+                "input_age_s": silent,
                 "frames": self._frames,
                 "late_frames": self._late_frames,
                 "step_ms": self._step_ms,
@@ -166,12 +206,34 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             },
         )
 
-    def _take_description(self, data: bytes) -> None:
-        self._dresser.request(text_from(data))
+    def attend(self) -> None:
+        """Take over garments that have been made."""
+        if self._steps_on_poses or self.state != "active":
+            return
+        try:
+            self._put_on(self._dresser.result())
+        except MessageError as error:
+            self.rejections.add(COLLIDER_DESCRIPTION.name, error)
+
+    def _take_description(self, message: Taken) -> None:
+        sender = message.publisher[:PARTICIPANT]
+        self._described.pop(sender, None)
+        self._described[sender] = text_from(message.data, MAX_TEXT)
+        if len(self._described) > _MOST_DESCRIBED:
+            del self._described[next(iter(self._described))]
+        followed = (self._source.followed or b"")[:PARTICIPANT]
+        if self._source.is_held(time.monotonic_ns()) and sender != followed == self._worn_from:
+            raise MessageError(OTHER_PUBLISHER, "kept until the poses of its publisher are used")
+        self._dress(sender)
+
+    def _dress(self, sender: bytes) -> None:
+        """Have the garments made for what a process described."""
+        self._worn_from = sender
+        self._dresser.request(self._described[sender])
         if self._steps_on_poses:
             # Which poses meet which description must not depend on how fast this machine is.
-            while self._dresser.busy:
-                self._put_on(self._dresser.result(wait=True))
+            while self._dresser.busy and self.context.ok():
+                self._put_on(self._dresser.result(longest=_WAIT))
             early, self._early = self._early, []
             for message in early:
                 try:
@@ -184,7 +246,10 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             return
         p = self.parameters
         simulation = dressed.simulation
-        simulation.parameters = self._forces()
+        try:
+            simulation.parameters = self._forces()
+        except ParameterError as error:  # set while the garments were made
+            raise MessageError(COLLIDER_DESCRIPTION.name, str(error)) from error
         self._stepper = ClothStepper(
             simulation,
             delay=p.delay,
@@ -206,11 +271,14 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         for note in dressed.notes:
             self.get_logger().info(note)
 
-    def _take_poses(self, data: bytes) -> None:
-        message = poses_from(data)
+    def _take_poses(self, taken: Taken) -> None:
+        message = poses_from(taken.data)
         expected = self.parameters.frame_id
         if message.frame_id != expected:
             raise MessageError("frame_id", f"found {message.frame_id!r}; allowed: {expected!r}")
+        sender = taken.publisher[:PARTICIPANT]
+        if sender in self._described and sender != self._worn_from:
+            self._dress(sender)
         if self._stepper is None:
             if self._steps_on_poses and len(self._early) < _MOST_EARLY_POSES:
                 self._early.append(message)
@@ -234,23 +302,24 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             self._publish()
 
     def _tick(self, due: int, ticks: int) -> None:
-        """Publish a frame, of the last good state where there is no other."""
-        try:
-            self._put_on(self._dresser.result())
-        except MessageError as error:
-            self.rejections.add(COLLIDER_DESCRIPTION.name, error)
-        self._poll.take_all()
+        """Publish a frame, of the last good state where there is no other.
+
+        Where poses have been missing for long only what moved is published.
+        """
+        self.take_inputs()
         stepper = self._stepper
         if stepper is None or not stepper.has_poses:
             return
         self._late_frames += ticks - 1 if self._frames else 0
         self._step_ms = 0.0
+        moved = False
         if not self._paused:
             try:
-                self._advance(stepper.target(time.monotonic_ns()), in_time=True)
+                moved = self._advance(stepper.target(time.monotonic_ns()), in_time=True)
             except MessageError as error:
                 self.rejections.add(COLLIDER_POSES.name, error)
-        self._publish()
+        if moved or self._poses.silent() <= self.parameters.stale_after:
+            self._publish()
         self._late_frames += self._ticker.now() - due > self._ticker.period // 2
 
     def _advance(self, until: int, *, in_time: bool) -> bool:

@@ -1,8 +1,8 @@
 """Serialized messages to arrays, every byte distrusted.
 
 Reads what `cdr` writes and any other plain CDR encoder, in either byte order. A message that
-cannot be used raises `MessageError` with one of the reasons below; nothing is allocated by a
-count that the message itself does not have the bytes for.
+cannot be used raises `MessageError` with one of the reasons below. Time and memory grow with a
+message's size and no faster; counts are limited before anything is done for each.
 """
 
 import struct
@@ -22,9 +22,17 @@ LENGTH_MISMATCH = "length_mismatch"
 NOT_FINITE = "not_finite"
 OUT_OF_RANGE = "out_of_range"
 NOT_UNIT = "orientation_not_unit"
+TOO_MANY = "too_many"
+
+MAX_NAMES = 4096
+MAX_POSES = 4096
+MAX_TEXT = 64 * 2**20
+"""Longest text of a message that is one [bytes]."""
+MAX_NAME = 1024
+"""Longest name in a message [bytes]."""
 
 _SECOND = 1_000_000_000
-_LARGEST = 1e6
+LARGEST = 1e6
 """Largest magnitude of a position [m] or channel value [m or rad]."""
 _UNIT_TOLERANCE = 1e-2
 
@@ -83,9 +91,18 @@ class _Cursor:
         start = self.take(4, 4)
         return int(self._word.unpack_from(self.data, start)[0])
 
-    def text(self) -> str:
+    def count(self, size: int, most: int, what: str) -> int:
+        """A count of things of at least `size` bytes each that follow."""
+        count = self.word()
+        if size * count > len(self.data):
+            raise MessageError(MALFORMED, f"{count} {what} in {len(self.data)} bytes")
+        if count > most:
+            raise MessageError(TOO_MANY, f"{count} {what}; allowed: up to {most}")
+        return count
+
+    def text(self, longest: int = MAX_NAME) -> str:
         """A string."""
-        size = self.word()
+        size = self.count(1, longest + 1, "bytes of text")
         start = self.take(size, 1)
         raw = self.data[start : start + size]
         try:
@@ -110,24 +127,24 @@ class _Cursor:
         return int(seconds * _SECOND + nanoseconds)
 
 
-def text_from(data: bytes) -> str:
-    """The text of a std_msgs/String.
+def text_from(data: bytes, longest: int = MAX_TEXT) -> str:
+    """The text of a std_msgs/String of at most so many bytes.
 
     Raises:
-        MessageError: Malformed.
+        MessageError: Malformed, or longer.
     """
-    return _Cursor(data).text()
+    return _Cursor(data).text(longest)
 
 
 def poses_from(data: bytes) -> StampedPoses:
     """A geometry_msgs/PoseArray.
 
     Raises:
-        MessageError: Malformed, not finite, too far away, or orientations that are not of unit
-            length within 1 %.
+        MessageError: Malformed, not finite, too far away, too many, or orientations that are not
+            of unit length within 1 %.
     """
     cursor = _Cursor(data)
-    stamp, frame_id, count = cursor.stamp(), cursor.text(), cursor.word()
+    stamp, frame_id, count = cursor.stamp(), cursor.text(), cursor.count(56, MAX_POSES, "poses")
     table = cursor.doubles(7 * count).reshape(count, 7)
     _check_range(table, "poses")
     orientation = table[:, 3:].copy()
@@ -165,11 +182,9 @@ class JointStates:
         if self._seen and data.startswith(self._seen, start):
             cursor.at = start + len(self._seen)
         else:
-            count = cursor.word()
-            if 4 * count > len(data):
-                raise MessageError(MALFORMED, f"{count} names in {len(data)} bytes")
-            self._names = tuple(cursor.text() for _ in range(count))
-            self._seen = data[start : cursor.at]
+            count = cursor.count(4, MAX_NAMES, "names")
+            names = tuple(cursor.text() for _ in range(count))
+            self._names, self._seen = names, data[start : cursor.at]
         count = cursor.word()
         if count != len(self._names):
             raise MessageError(LENGTH_MISMATCH, f"{count} positions for {len(self._names)} names")
@@ -182,5 +197,5 @@ def _check_range(values: FloatArray, what: str) -> None:
     size = np.abs(values).max(initial=0.0)
     if not np.isfinite(size):
         raise MessageError(NOT_FINITE, f"{what} that are NaN or infinite")
-    if size > _LARGEST:
-        raise MessageError(OUT_OF_RANGE, f"{what} of size {size:.3g}; allowed: to {_LARGEST:g}")
+    if size > LARGEST:
+        raise MessageError(OUT_OF_RANGE, f"{what} of size {size:.3g}; allowed: to {LARGEST:g}")

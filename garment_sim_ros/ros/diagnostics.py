@@ -12,9 +12,11 @@ from rclpy.lifecycle import LifecycleNode
 
 from garment_sim_ros.errors import MessageError
 from garment_sim_ros.ros.interfaces import DIAGNOSTICS, advertise_always
+from garment_sim_ros.ros.sources import OTHER_PUBLISHER
 
 _PERIOD = 1.0
 _LOG_PERIOD = 10.0
+_LONGEST_LINE = 400
 
 
 class Rejections:
@@ -35,10 +37,23 @@ class Rejections:
     def add(self, what: str, error: MessageError) -> None:
         """Count one rejection of `what`, a topic or other input."""
         self.counts[error.reason] += 1
+        if error.reason != OTHER_PUBLISHER:  # told with names, see `inputs`
+            text = in_one_line(str(error))
+            so_far = f"({self.counts[error.reason]} so far)"
+            self.tell(error.reason, f"rejected {what}: {text} {so_far}")
+
+    def tell(self, key: str, text: str) -> None:
+        """Log a line, unless one of the same key was logged lately."""
         now = time.monotonic()
-        if now - self._logged.get(error.reason, -_LOG_PERIOD) >= _LOG_PERIOD:
-            self._logged[error.reason] = now
-            self._log(f"rejected {what}: {error} ({self.counts[error.reason]} so far)")
+        if now - self._logged.get(key, -_LOG_PERIOD) >= _LOG_PERIOD:
+            self._logged[key] = now
+            self._log(text)
+
+
+def in_one_line(text: str) -> str:
+    """Text from outside as one line that is not too long."""
+    line = " ".join(text[: 2 * _LONGEST_LINE].split())
+    return line if len(line) <= _LONGEST_LINE else line[:_LONGEST_LINE] + " ..."
 
 
 @dataclass(kw_only=True)
@@ -48,11 +63,13 @@ class Condition:
     Attributes:
         text: A few words.
         well: Whether nothing is missing.
+        stale: Whether what it follows has been silent for too long.
         values: Numbers and words by name.
     """
 
     text: str
     well: bool = True
+    stale: bool = False
     values: Mapping[str, object] = field(default_factory=dict)
 
 
@@ -93,6 +110,7 @@ class Diagnostics:
                     values.items(),
                     text=text,
                     well=condition.well and not new,
+                    stale=condition.stale,
                 )
             ]
         )
@@ -101,11 +119,17 @@ class Diagnostics:
 
 
 def status(
-    name: str, values: Iterable[tuple[str, object]], *, text: str = "", well: bool = True
+    name: str,
+    values: Iterable[tuple[str, object]],
+    *,
+    text: str = "",
+    well: bool = True,
+    stale: bool = False,
 ) -> DiagnosticStatus:
     """One status; numbers are written so that plotting tools read them."""
+    level = DiagnosticStatus.OK if well else DiagnosticStatus.WARN
     return DiagnosticStatus(
-        level=DiagnosticStatus.OK if well else DiagnosticStatus.WARN,
+        level=DiagnosticStatus.STALE if stale else level,
         name=name,
         message=text,
         values=[

@@ -1,6 +1,5 @@
 """Making an outfit's simulation for a collider description, beside the node's own thread."""
 
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -9,6 +8,8 @@ from garment_sim_ros.colliders.description import from_json
 from garment_sim_ros.errors import GarmentSimError, MessageError
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.ros.background import Background
+from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.simulation import Simulation
 
 DESCRIPTION = "collider_description"
@@ -41,6 +42,7 @@ class Dresser:
         solver: Name of the solver.
         solver_step: Its step [s].
         warm_up: `sim.warm_up.warm_up` with all that does not depend on colliders and garments.
+        parameters: Gives outer forces and numerical parameters, which must suit the colliders.
     """
 
     def __init__(
@@ -52,6 +54,7 @@ class Dresser:
         solver: str,
         solver_step: float,
         warm_up: Callable[..., None],
+        parameters: Callable[[], Parameters],
     ) -> None:
         self._outfit = outfit
         self._body = body
@@ -60,58 +63,36 @@ class Dresser:
         self._solver_step = solver_step
         self._warm_up = warm_up
         self._compiled: set[frozenset[str]] = set()
-        self._thread: threading.Thread | None = None
-        self._made: Dressed | MessageError | None = None
-        self._waiting: str | None = None
+        self._parameters = parameters
+        self._work = Background(self._make, DESCRIPTION)
         self._revision = ""
 
     def request(self, text: str) -> None:
         """Have an outfit made for a description."""
-        self._waiting = text
-        self._begin()
+        self._work.request(text)
 
     @property
     def busy(self) -> bool:
         """Whether something is being made or waits to be."""
-        return self._thread is not None
+        return self._work.busy
 
-    def result(self, *, wait: bool = False) -> Dressed | None:
+    def result(self, *, longest: float = 0.0) -> Dressed | None:
         """What is ready, once; None where nothing is, or the description is the one in use.
+
+        Args:
+            longest: Time to wait for it [s].
 
         Raises:
             MessageError: The description cannot be used.
         """
-        thread = self._thread
-        if thread is None or (thread.is_alive() and not wait):
-            return None
-        thread.join()
-        made = self._made
-        if isinstance(made, Dressed):
+        made = self._work.result(longest=longest)
+        if made is not None:
             self._revision = made.revision
-        self._thread = self._made = None
-        self._begin()
-        if isinstance(made, MessageError):
-            raise made
         return made
 
-    def _begin(self) -> None:
-        if self._thread is None and self._waiting is not None:
-            text, self._waiting = self._waiting, None
-            # A daemon: the end of the process does not wait for it.
-            self._thread = threading.Thread(target=self._work, args=(text,), daemon=True)
-            self._thread.start()
-
-    def _work(self, text: str) -> None:
-        try:
-            self._made = self._make(text, self._revision)
-        except MessageError as error:
-            self._made = error
-        except Exception as error:
-            self._made = MessageError(DESCRIPTION, f"{type(error).__name__}: {error}")
-
-    def _make(self, text: str, current: str) -> Dressed | None:
+    def _make(self, text: str) -> Dressed | None:
         colliders = from_json(text)
-        if colliders.revision == current:
+        if colliders.revision == self._revision:
             return None
         if colliders.frame_id != self._frame_id:
             raise MessageError(
@@ -122,6 +103,7 @@ class Dresser:
             simulation = Simulation(
                 outfit.garments, colliders, solver=self._solver, solver_step=self._solver_step
             )
+            simulation.parameters = self._parameters()
         except GarmentSimError as error:
             raise MessageError(DESCRIPTION, str(error)) from error
         # Kinds of colliders that the outfit did not tell of are compiled here and not in a frame.

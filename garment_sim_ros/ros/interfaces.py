@@ -4,14 +4,10 @@ Names are relative: one avatar lives in one namespace. Profiles can be overridde
 parameters ``qos_overrides.<topic>.<publisher or subscription>.<policy>``.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseStamped
-from rclpy.callback_groups import CallbackGroup
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.publisher import Publisher
 from rclpy.qos import (
@@ -28,6 +24,8 @@ from sensor_msgs.msg import JointState, PointCloud2
 from shape_msgs.msg import Mesh
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
+
+from garment_sim_ros.ros.rclpy_internals import Unattended
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,91 +107,20 @@ def advertise_always(node: LifecycleNode, topic: Topic, garment: str = "") -> Pu
     )
 
 
-def subscribe(
-    node: LifecycleNode,
-    topic: Topic,
-    callback: Callable[[bytes], Any],
-    *,
-    keep_all: bool = False,
-) -> Subscription:
-    """A subscription whose callback gets serialized messages.
+def subscribe(node: LifecycleNode, topic: Topic, *, depth: int, keep_all: bool) -> Subscription:
+    """A subscription whose serialized messages are asked for; see `inputs`.
 
     Bytes rather than messages: a damaged one must not end the node, as it does where `rclpy`
     deserializes it, and large arrays need not become Python objects.
     """
+    profile = topic.profile(subscribed=True, keep_all=keep_all)
+    profile.depth = max(profile.depth, depth)
     return node.create_subscription(
         topic.type,
         topic.name,
-        callback,
-        topic.profile(subscribed=True, keep_all=keep_all),
+        lambda data: None,  # never called
+        profile,
+        callback_group=Unattended(),
         qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
         raw=True,
     )
-
-
-class Poll:
-    """A subscription that is asked for its messages instead of waking the node for each.
-
-    With `rclpy`'s executor, being woken costs more than what a message brings.
-
-    Args:
-        node: The node.
-        topic: From the table above.
-        callback: Takes a serialized message.
-        room: Messages that may come between two calls of `take_all`.
-    """
-
-    _wait_set: Any = None
-
-    def __init__(
-        self,
-        node: LifecycleNode,
-        topic: Topic,
-        callback: Callable[[bytes], Any],
-        *,
-        room: int,
-    ) -> None:
-        profile = topic.profile(subscribed=True)
-        profile.depth = max(profile.depth, room)
-        self._callback = callback
-        self._context = node.context
-        self.subscription = node.create_subscription(
-            topic.type,
-            topic.name,
-            callback,
-            profile,
-            callback_group=_Unattended(),
-            qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
-            raw=True,
-        )
-
-    def wait(self, longest: int) -> None:
-        """Sleep until messages come, at most some time [ns], and call back for all."""
-        if self._wait_set is None:
-            self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, self._context.handle)
-        self._wait_set.clear_entities()
-        self._wait_set.add_subscription(self.subscription.handle)
-        self._wait_set.wait(longest)
-        self.take_all()
-
-    def take_all(self) -> None:
-        """Call back for every message that has come."""
-        handle, kind = self.subscription.handle, self.subscription.msg_type
-        with handle:
-            while (taken := handle.take_message(kind, True)) is not None:
-                self._callback(taken[0])
-
-
-class _Unattended(CallbackGroup):
-    """Entities that no executor waits for."""
-
-    def can_execute(self, entity: Any) -> bool:
-        """Never."""
-        return False
-
-    def beginning_execution(self, entity: Any) -> bool:
-        """Never."""
-        return False
-
-    def ending_execution(self, entity: Any) -> None:
-        """Cannot happen."""

@@ -39,9 +39,11 @@ class JointChannels:
         """
         if joints.names == self._last_names:
             return
-        if len(set(joints.names)) != len(joints.names):
-            twice = next(n for n in joints.names if joints.names.count(n) > 1)
-            raise MessageError(DUPLICATED, f"{twice!r} is there twice; allowed: once")
+        seen: set[str] = set()
+        for name in joints.names:
+            if name in seen:
+                raise MessageError(DUPLICATED, f"{name!r} is there twice; allowed: once")
+            seen.add(name)
         known = [i for i, name in enumerate(joints.names) if name in self._channel]
         if not known:
             found = ", ".join(joints.names[:_SHOWN]) or "no names"

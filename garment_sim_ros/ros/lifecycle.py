@@ -1,34 +1,41 @@
 """What all nodes share: lifecycle, parameters, diagnostics, and how a process begins and ends."""
 
+import dataclasses
 import gc
 import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from types import FrameType
 from typing import Any, Generic, TypeVar
 
 import rclpy
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import (
     LifecycleNode,
     LifecyclePublisher,
     LifecycleState,
     TransitionCallbackReturn,
 )
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.subscription import Subscription
 
-from garment_sim_ros.errors import GarmentSimError, MessageError
+from garment_sim_ros.errors import GarmentSimError, ParameterError
 from garment_sim_ros.params import LifecycleParameters
 from garment_sim_ros.ros.diagnostics import Condition, Diagnostics, Rejections
-from garment_sim_ros.ros.interfaces import Poll, Topic, advertise, advertise_always, subscribe
+from garment_sim_ros.ros.inputs import Input, Inputs
+from garment_sim_ros.ros.interfaces import Topic, advertise, advertise_always
 from garment_sim_ros.ros.parameters import NodeParameters
+from garment_sim_ros.ros.rclpy_internals import RCLError, Taken, activate, lifecycle_state
+from garment_sim_ros.ros.sources import Source
 from garment_sim_ros.ros.ticker import Ticker, Waits, spin
 
 Group = TypeVar("Group")
+
+_GRACE = 2.0
+"""Time that a callback has to end once a signal asked for it [s]."""
 
 
 class ManagedNode(LifecycleNode, Generic[Group]):
@@ -48,6 +55,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
         rejections: What it rejected.
         failure: Why configuring failed, None if it did not.
         ticker: Makes the node's calls at a fixed rate, None where there are none.
+        inputs: What it takes in, in this order.
     """
 
     def __init__(self, name: str, group: type[Group], *, dynamic: Collection[str] = ()) -> None:
@@ -59,9 +67,12 @@ class ManagedNode(LifecycleNode, Generic[Group]):
         self.rejections = Rejections(self.get_logger().warning)
         self.failure: GarmentSimError | None = None
         self.ticker: Ticker | None = None
-        self._followed: Poll | None = None
-        self._entities: list[Publisher | Subscription] = []
-        self._diagnostics = Diagnostics(self, self.rejections, self.condition)
+        self.inputs: list[Input] = []
+        self._waits: Inputs | None = None
+        self._advertised: list[Publisher] = []
+        self._diagnostics = Diagnostics(self, self.rejections, self._condition)
+        self.add_on_set_parameters_callback(self._check_clock)
+        self.add_post_set_parameters_callback(self._take_clock)
 
     @property
     def parameters(self) -> Group:
@@ -91,19 +102,32 @@ class ManagedNode(LifecycleNode, Generic[Group]):
             self.ticker.destroy()
             self.ticker = None
 
-    def follow(self, topic: Topic, take: Callable[[bytes], None]) -> None:
-        """As `subscribe`, for the topic that the node waits for most of the time."""
-        self._followed = self.poll(topic, take, room=0)
+    def take_inputs(self) -> None:
+        """Use the messages that have come."""
+        for i in self.inputs:
+            i.take_all()
 
     @property
     def mostly(self) -> Waits | None:
         """What `spin` waits for."""
-        if self.ticker is not None and not self.ticker.is_simulated:
-            return self.ticker
-        return self._followed
+        if self.ticker is not None:
+            return None if self.ticker.is_simulated else self.ticker
+        if self._waits is None and self.inputs:
+            self._waits = Inputs(self, self.inputs)
+        return self._waits
+
+    def check_clock(self, *, simulated: bool) -> None:
+        """See whether the node may follow a simulated time.
+
+        Raises:
+            ParameterError: It may not.
+        """
 
     def parameters_changed(self, parameters: Group) -> None:
         """Take over parameters that were set."""
+
+    def attend(self) -> None:
+        """Take over what was made beside the node's thread."""
 
     def condition(self) -> Condition:
         """How the node is, for its diagnostics."""
@@ -112,74 +136,107 @@ class ManagedNode(LifecycleNode, Generic[Group]):
     @property
     def state(self) -> str:
         """Name of the lifecycle state."""
-        return str(self._state_machine.current_state[1])
+        return lifecycle_state(self)
 
     def advertise(self, topic: Topic, garment: str = "") -> LifecyclePublisher:
         """A publisher, silent while the node is not active, that ends with what `prepare` made."""
         publisher = advertise(self, topic, garment)
         if self.state == "active":
             # Only those that are there beforehand are activated with the node.
-            publisher.on_activate(None)
-        self._entities.append(publisher)
+            activate(publisher)
+        self._advertised.append(publisher)
         return publisher
 
     def advertise_always(self, topic: Topic, garment: str = "") -> Publisher:
         """A publisher that does not depend on the state; it ends with what `prepare` made."""
         publisher = advertise_always(self, topic, garment)
-        self._entities.append(publisher)
+        self._advertised.append(publisher)
         return publisher
 
-    def subscribe(
+    def take_in(
         self,
         topic: Topic,
-        take: Callable[[bytes], None],
+        take: Callable[[Taken], object],
         *,
+        source: Source | None = None,
         always: bool = False,
         keep_all: bool = False,
-    ) -> None:
+        room: int = 0,
+    ) -> Input:
         """Have serialized messages taken, and counted where `take` rejects them.
 
         Args:
             topic: The topic.
             take: Uses a message; may raise `MessageError`.
+            source: Which publisher is followed; None: all of them.
             always: Whether to take them while the node is not active: latched ones do not come
                 again.
             keep_all: Whether none may be lost.
+            room: Messages that may come between two calls of `take_inputs`.
         """
-        callback = self._counting(topic, take, always=always)
-        self._entities.append(subscribe(self, topic, callback, keep_all=keep_all))
 
-    def poll(self, topic: Topic, take: Callable[[bytes], None], *, room: int) -> Poll:
-        """As `subscribe`, for messages that are asked for; see `Poll`."""
-        poll = Poll(self, topic, self._counting(topic, take, always=False), room=room)
-        self._entities.append(poll.subscription)
-        return poll
+        def when_active(message: Taken) -> None:
+            if always or self.state == "active":
+                take(message)
 
-    def _counting(
-        self, topic: Topic, take: Callable[[bytes], None], *, always: bool
-    ) -> Callable[[bytes], None]:
-        def callback(data: bytes) -> None:
-            if not always and self.state != "active":
-                return
-            try:
-                take(data)
-            except MessageError as error:
-                self.rejections.add(topic.name, error)
+        made = Input(
+            self,
+            topic,
+            when_active,
+            rejected=self.rejections.add,
+            source=source,
+            room=room,
+            keep_all=keep_all,
+        )
+        self.inputs.append(made)
+        self._waits = None
+        return made
 
-        return callback
+    def _condition(self) -> Condition:
+        """The node's own, and what is wrong with its time or its inputs."""
+        condition = self.condition()
+        simulated = bool(self.get_parameter("use_sim_time").value)
+        if simulated and self.state == "active" and not self.get_clock().now().nanoseconds:
+            return dataclasses.replace(condition, text="waits for /clock", well=False)
+        for i in self.inputs:
+            conflict = i.conflict()
+            if conflict:
+                self.rejections.tell(f"conflict.{i.topic.name}", conflict)
+                condition = dataclasses.replace(
+                    condition, text=f"{condition.text}; {conflict}", well=False
+                )
+        return condition
+
+    def _check_clock(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        for p in parameters:
+            if p.name == "use_sim_time":
+                try:
+                    if not isinstance(p.value, bool):
+                        raise ParameterError(
+                            p.name, f"found {p.value!r}", "allowed: true or false"
+                        )
+                    self.check_clock(simulated=p.value)
+                except ParameterError as error:
+                    return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _take_clock(self, parameters: Sequence[Parameter]) -> None:
+        for p in parameters:
+            if p.name == "use_sim_time" and self.ticker is not None:
+                self.ticker.follow_clock(simulated=bool(p.value))
 
     def _undo(self) -> None:
         """Forget what `prepare` and all after it made."""
         self.release()
-        self._followed = None
-        for entity in self._entities:
-            if isinstance(entity, LifecyclePublisher):
-                self.destroy_lifecycle_publisher(entity)
-            elif isinstance(entity, Publisher):
-                self.destroy_publisher(entity)
+        for i in self.inputs:
+            self.destroy_subscription(i.subscription)
+        self.inputs, self._waits = [], None
+        for publisher in self._advertised:
+            if isinstance(publisher, LifecyclePublisher):
+                self.destroy_lifecycle_publisher(publisher)
             else:
-                self.destroy_subscription(entity)
-        self._entities.clear()
+                self.destroy_publisher(publisher)
+        self._advertised.clear()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Prepare; a file or parameter that is not allowed leaves the node unconfigured."""
@@ -201,6 +258,8 @@ class ManagedNode(LifecycleNode, Generic[Group]):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begin to work."""
         result = super().on_activate(state)
+        for i in self.inputs:
+            i.excuse()
         self.start()
         return result
 
@@ -231,7 +290,8 @@ class _Stopped(BaseException):
 class _StopSignals:
     """SIGINT and SIGTERM end the process in order, from the first line to the last.
 
-    `rclpy` ends spinning on both; before that, work in Python is interrupted.
+    `rclpy` ends spinning on both; before that, work in Python is interrupted, and so is work
+    that has not ended some time after.
     """
 
     def __init__(self) -> None:
@@ -240,12 +300,23 @@ class _StopSignals:
         # Before rclpy.init: its own handlers call these afterwards.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._take)
+        signal.signal(signal.SIGALRM, self._insist)
 
     def _take(self, number: int, frame: FrameType | None) -> None:
         self.asked = True
         if self.interrupts:
             self.interrupts = False
             raise _Stopped
+        signal.setitimer(signal.ITIMER_REAL, _GRACE)
+
+    def _insist(self, number: int, frame: FrameType | None) -> None:
+        raise _Stopped
+
+    def ended(self) -> None:
+        """Interrupt nothing any more."""
+        self.interrupts = False
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, signal.SIG_IGN)
 
 
 def run(make_node: Callable[[], ManagedNode[Any]], argv: list[str] | None = None) -> int:
@@ -274,19 +345,19 @@ def run(make_node: Callable[[], ManagedNode[Any]], argv: list[str] | None = None
         executor.add_node(node)
         signals.interrupts = False
         if not signals.asked:
-            spin(executor, lambda: node.mostly)
+            spin(executor, node)
     except (_Stopped, ExternalShutdownException):
         pass
     except GarmentSimError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
         return 2
-    except rclpy_implementation.RCLError as error:
+    except RCLError as error:
         # The context is gone between two lines of a callback once a signal came.
         if not signals.asked:
             print(f"error: {error}", file=sys.stderr, flush=True)
             return 2
     finally:
-        signals.interrupts = False
+        signals.ended()
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()

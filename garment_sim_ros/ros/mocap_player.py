@@ -23,6 +23,8 @@ from garment_sim_ros.ros.ticker import SECOND
 
 _RATES = (1.0, 1000.0)
 _RATE_OF_STILLS = 60.0
+_LONGEST_STALL = 60 * SECOND
+"""A stamp so far from the one before is of a clock that was set [ns]."""
 
 
 class MocapPlayer(ManagedNode[MocapPlayerParameters]):
@@ -33,6 +35,7 @@ class MocapPlayer(ManagedNode[MocapPlayerParameters]):
         self._sent = 0
         self._clip_time = 0.0
         self._stamp = 0
+        self._holds = True
         self._paused = False
         self.create_service(Trigger, "~/reset", self._reset)
         self.create_service(SetBool, "~/pause", self._pause)
@@ -45,8 +48,7 @@ class MocapPlayer(ManagedNode[MocapPlayerParameters]):
             ParameterError: The node would be its own clock's follower.
         """
         p = self.parameters
-        if p.publish_clock and self.get_parameter("use_sim_time").value:
-            raise ParameterError("use_sim_time", "found true", "allowed: false with publish_clock")
+        self.check_clock(simulated=bool(self.get_parameter("use_sim_time").value))
         names = load_humanoid_overrides(p.bone_names) if p.bone_names else None
         clip = load_clip(p.clip, humanoid_overrides=names)
         for note in clip.notes:
@@ -69,13 +71,19 @@ class MocapPlayer(ManagedNode[MocapPlayerParameters]):
         )
 
     def start(self) -> None:
-        """Publish the skeleton, then joint states."""
+        """Publish the skeleton, then joint states from where the clip is."""
+        self._holds = True
         self._description.publish(String(data=self._urdf))
         self._ticker = self.tick_at(self._rate, self._tick)
 
     def stop(self) -> None:
         """Keep the place in the clip."""
         self.stop_ticking()
+
+    def check_clock(self, *, simulated: bool) -> None:
+        """A clock cannot follow itself."""
+        if simulated and self.parameters.publish_clock:
+            raise ParameterError("use_sim_time", "found true", "allowed: false with publish_clock")
 
     def condition(self) -> Condition:
         """What is played."""
@@ -86,6 +94,7 @@ class MocapPlayer(ManagedNode[MocapPlayerParameters]):
 
     def _tick(self, due: int, ticks: int) -> None:
         period = self._ticker.period
+        before = self._stamp
         if self._clock_topic is None:
             self._stamp = due
         else:
@@ -94,15 +103,21 @@ class MocapPlayer(ManagedNode[MocapPlayerParameters]):
             self._clock_topic.publish(
                 Clock(clock=Time(sec=self._stamp // SECOND, nanosec=self._stamp % SECOND))
             )
+        passed = self._stamp - before
+        if not 0 <= passed <= _LONGEST_STALL:
+            passed = ticks * period  # the clock was set
+        # The place in the clip is that of the stamp: after a stall both have moved on.
+        if not (self._paused or self._holds):
+            self._clip_time += self.parameters.speed * passed / SECOND
+        self._holds = False
         self._joints.publish(
             self._message.fill(self._stamp, self._sampler.sample(self._clip_time))
         )
         self._sent += 1
-        if not self._paused:
-            self._clip_time += self.parameters.speed * ticks * period / SECOND
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._clip_time = 0.0
+        self._holds = True  # the next message shows the beginning
         response.success, response.message = True, "at the beginning of the clip"
         return response
 

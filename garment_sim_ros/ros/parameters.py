@@ -32,6 +32,7 @@ class NodeParameters(Generic[Group]):
         node: The node.
         group: The parameter group.
         dynamic: Names that may be set while the node runs; the others are read-only.
+        check: Called with the values that some are to be set to; may raise `ParameterError`.
         on_change: Called with the new values after some of them were set.
 
     Attributes:
@@ -47,9 +48,11 @@ class NodeParameters(Generic[Group]):
         group: type[Group],
         *,
         dynamic: Collection[str] = (),
+        check: Callable[[Group], None] | None = None,
         on_change: Callable[[Group], None] | None = None,
     ) -> None:
         self._declarations = declarations(group)
+        self._check_together = check
         self._on_change = on_change
         self.values: Group = group(
             **{
@@ -74,23 +77,27 @@ class NodeParameters(Generic[Group]):
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         try:
-            for parameter in parameters:
-                if parameter.name in self._declarations:
-                    checked(self._declarations[parameter.name], parameter.value)
+            changes = self._changes(parameters)
+            if changes and self._check_together is not None:
+                self._check_together(replace(self.values, **changes))  # type: ignore[type-var]
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _take(self, parameters: Sequence[Parameter]) -> None:
-        changes = {
-            p.name: checked(self._declarations[p.name], p.value)
-            for p in parameters
-            if p.name in self._declarations
-        }
+        changes = self._changes(parameters)
         if changes:
             self.values = replace(self.values, **changes)  # type: ignore[type-var]
             if self._on_change is not None:
                 self._on_change(self.values)
+
+    def _changes(self, parameters: Sequence[Parameter]) -> dict[str, Any]:
+        """Checked values of those that are mine."""
+        return {
+            p.name: checked(self._declarations[p.name], p.value)
+            for p in parameters
+            if p.name in self._declarations
+        }
 
 
 def _plain(value: Any) -> Any:

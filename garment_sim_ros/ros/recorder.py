@@ -16,7 +16,6 @@ import rclpy
 from rclpy.context import Context
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
-from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosbags.interfaces import (
     Connection,
@@ -29,6 +28,8 @@ from rosbags.interfaces import (
 )
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
+
+from garment_sim_ros.ros.rclpy_internals import Taker
 
 _NAMES = frozenset(
     {
@@ -80,7 +81,7 @@ class Recorder:
             queue.SimpleQueue()
         )
         self._failure: BaseException | None = None
-        self._subscriptions: dict[str, Subscription] = {}
+        self._takers: dict[str, Taker] = {}
         self._ended = threading.Event()
         self._name = name
 
@@ -129,13 +130,10 @@ class Recorder:
 
     def _take_all(self) -> None:
         arrived: list[tuple[int, str, bytes]] = []
-        for topic, subscription in self._subscriptions.items():
-            handle, kind = subscription.handle, subscription.msg_type
-            with handle:
-                while (taken := handle.take_message(kind, True)) is not None:
-                    data, info = taken
-                    # When the middleware got it, not when it was asked for.
-                    arrived.append((info["received_timestamp"] or time.time_ns(), topic, data))
+        for topic, taker in self._takers.items():
+            while (taken := taker.take()) is not None:
+                # When the middleware got it, not when it was asked for.
+                arrived.append((taken.received or time.time_ns(), topic, taken.data))
         for stamp, topic, data in sorted(arrived, key=lambda message: message[0]):
             self._queue.put((topic, stamp, data))
             self.counts[topic] += 1
@@ -184,8 +182,10 @@ class Recorder:
         package, _, message = kind.partition("/msg/")
         message_type = getattr(importlib.import_module(f"{package}.msg"), message)
         # No executor spins this node: the callback is never called.
-        self._subscriptions[topic] = self._node.create_subscription(
-            message_type, topic, lambda data: None, profile, raw=True
+        self._takers[topic] = Taker(
+            self._node.create_subscription(
+                message_type, topic, lambda data: None, profile, raw=True
+            )
         )
 
 

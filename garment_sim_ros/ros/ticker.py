@@ -10,12 +10,18 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from rclpy.executors import Executor, TimeoutException
+from rclpy.context import Context
+from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode
+from rclpy.timer import Timer
+
+from garment_sim_ros.ros.rclpy_internals import run_ready
 
 SECOND = 1_000_000_000
 _LOOK_PERIOD = SECOND // 10
 """How often services, parameters and descriptions are looked at beside the ticks [ns]."""
+_LONGEST_LOOK = SECOND // 200
+"""Then it goes on at the next look, however much there is to do [ns]."""
 _LOST = 10 * SECOND
 """A grid so far in the past or future is left: the clock was set, or the machine slept [ns]."""
 
@@ -38,13 +44,18 @@ class Ticker:
         self, node: LifecycleNode, rate: float, callback: Callable[[int, int], None]
     ) -> None:
         self.period = round(SECOND / rate)
-        self.is_simulated = bool(node.get_parameter("use_sim_time").value)
         self._callback = callback
         self._node = node
+        self._timer: Timer | None = None
+        self.follow_clock(simulated=bool(node.get_parameter("use_sim_time").value))
+
+    def follow_clock(self, *, simulated: bool) -> None:
+        """Go on with the node's clock, which may be another one than before."""
+        self.destroy()
+        self.is_simulated = simulated
         self._due = self.now() + self.period
-        self._timer = None
-        if self.is_simulated:
-            self._timer = node.create_timer(self.period / SECOND, self._tick)
+        if simulated:
+            self._timer = self._node.create_timer(self.period / SECOND, self._tick)
 
     def now(self) -> int:
         """Time of the node's clock [ns]."""
@@ -64,6 +75,7 @@ class Ticker:
         """Stop for good."""
         if self._timer is not None:
             self._node.destroy_timer(self._timer)
+            self._timer = None
 
     def _tick(self) -> None:
         now = self.now()
@@ -83,35 +95,38 @@ class Waits(Protocol):
         """Sleep until it is there, at most some time [ns], and handle it."""
 
 
-def spin(executor: Executor, mostly: Callable[[], Waits | None]) -> None:
-    """Run a node's callbacks until its context is shut down.
+class Spun(Protocol):
+    """What `spin` asks of a node."""
 
-    Args:
-        executor: Has the node.
-        mostly: Gives what the node mostly waits for at the moment, if there is such a thing.
+    @property
+    def context(self) -> Context:
+        """The node's context."""
+
+    @property
+    def mostly(self) -> Waits | None:
+        """What the node mostly waits for at the moment, if there is such a thing."""
+
+    def attend(self) -> None:
+        """Take over what was made beside the node's thread."""
+
+
+def spin(executor: Executor, node: Spun) -> None:
+    """Run a node's callbacks until its context is shut down.
 
     Raises:
         ExternalShutdownException: The context was shut down.
     """
     looked = 0
-    while True:
-        current = mostly()
+    while node.context.ok():
+        node.attend()
+        current = node.mostly
         if current is None:
-            executor.spin_once()
+            executor.spin_once(timeout_sec=_LOOK_PERIOD / SECOND)
             continue
         current.wait(_LOOK_PERIOD)
         now = time.monotonic_ns()
         if now - looked >= _LOOK_PERIOD:
             looked = now
-            _look(executor)
-
-
-def _look(executor: Executor) -> None:
-    """Run what is ready, without waiting."""
-    while True:
-        try:
-            handler, _, _ = executor.wait_for_ready_callbacks(timeout_sec=0.0)
-        except TimeoutException:
-            return
-        handler()
-        handler.result()  # raises what the callback raised
+            while run_ready(executor) and time.monotonic_ns() - now < _LONGEST_LOOK:
+                pass
+    raise ExternalShutdownException

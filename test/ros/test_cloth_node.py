@@ -10,11 +10,13 @@ import pytest
 pytest.importorskip("rclpy")
 
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Pose, PoseArray
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
@@ -27,6 +29,7 @@ from garment_sim_ros.colliders.description import to_json
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.ros.interfaces import (
+    CLOCK,
     COLLIDER_DESCRIPTION,
     COLLIDER_POSES,
     GARMENT_MESH,
@@ -269,18 +272,27 @@ def test_slow_and_fast_input(running, probe, node, until, reach, rate):
     reach()
 
 
-def test_input_that_stops_and_comes_back(running, probe, reach, until):
+def test_input_that_stops_and_comes_back(running, probe, node, reach, until):
     for pause in (SECOND // 2, 100 * SECOND):
         running.stop()
         until(
             lambda: len(set(map(stamp_of, probe.next("garments/shirt/points", 5)))) == 1,
             "the cloth stands still",
         )
-        held = probe.next("garments/shirt/points", 5)
-        assert all(m == held[0] for m in held)
+        until(
+            lambda: probe.diagnostics(node).level == DiagnosticStatus.STALE,
+            "the missing input on /diagnostics",
+        )
+        assert "no usable collider_poses for" in probe.diagnostics(node).message
+        assert probe.value(node, "input_age_s") > 1.0
+        count = len(probe.received("garments/shirt/points"))
+        status = probe.diagnostics(node)
+        until(lambda s=status: probe.diagnostics(node) is not s, "the next second")
+        assert len(probe.received("garments/shirt/points")) == count
         running.stamp += pause
         running.start()
         reach()
+        until(lambda: probe.diagnostics(node).level == DiagnosticStatus.OK, "all is well again")
 
 
 def resets(probe):
@@ -319,6 +331,7 @@ REJECTED = {
     "stamp_backwards": lambda f: with_header(f, poses_message(f), stamp=f.stamp - SECOND // 10),
     "stamp_jump": lambda f: with_header(f, poses_message(f), stamp=f.stamp + 1000 * SECOND),
     "malformed": damaged,
+    "too_many": lambda f: with_header(f, poses_message(f, count=5000)),
 }
 
 
@@ -334,6 +347,38 @@ def test_unusable_poses_are_counted_and_the_cloth_goes_on(
     assert probe.diagnostics(node).level == b"\x01"
     reach()
     assert resets(probe) == resets_before
+
+
+def test_one_of_two_publishers_is_followed(running, probe, node, until, reach, make_probe, avatar):
+    before = resets(probe)
+    other = Feeder(make_probe(NAMESPACE), avatar)
+    other.origin[:] = 3.0, 0.0, 0.0
+    other.stamp = running.stamp
+    other.probe.publish(COLLIDER_POSES, avatar.message(other.stamp, avatar.rest))
+    other.start()
+
+    def told():
+        status = probe.diagnostics(node)
+        return status.message if "2 publishers of collider_poses" in status.message else ""
+
+    message = until(told, "both publishers on /diagnostics")
+    assert f"{NAMESPACE}/probe" in message
+    assert "is followed" in message
+    assert probe.diagnostics(node).level == DiagnosticStatus.WARN
+    assert "2 publishers of collider_poses" in node.output
+    for _ in range(3):
+        reach()
+    assert resets(probe) == before
+    running.stop()
+
+    def taken_over():
+        return points_of(probe.next("garments/shirt/points")[0])[:, 0].mean() > 2.0
+
+    until(taken_over, "the cloth follows the other publisher")
+    other.stop()
+    running.stamp = other.stamp
+    running.start()
+    reach()
 
 
 def test_a_body_that_jumps_takes_its_clothes_along(running, probe, reach):
@@ -432,6 +477,50 @@ def test_gravity_can_be_turned(running, probe, until):
     back = set_parameter(probe, "gravity", type=array, double_array_value=[0.0, 0.0, -9.81])
     assert back.successful
     until(lambda: sideways() < hanging + 0.005, "the skirt swings back")
+
+
+def test_a_contact_that_the_colliders_do_not_allow_is_refused(running, probe, reach):
+    text = ParameterType.PARAMETER_STRING
+    refused = set_parameter(probe, "contact", type=text, string_value="earliest")
+    assert not refused.successful
+    assert "contact: found 'earliest' with capsule colliders" in refused.reason
+    reach()
+
+
+def test_colliders_that_the_contact_does_not_allow_are_rejected(
+    start_node, make_probe, outfit, avatar, until
+):
+    namespace = "/cloth_earliest"
+    node = start_node("cloth_node", namespace, outfit=outfit, contact="earliest")
+    probe = make_probe(namespace)
+    probe.publish(COLLIDER_DESCRIPTION, avatar.description)
+    until(lambda: probe.value(node, "rejected.collider_description"), "the rejection")
+    assert "with capsule colliders" in node.output
+    before = probe.diagnostics(node)
+    until(lambda: probe.diagnostics(node) is not before, "that it goes on")
+    node.send(signal.SIGTERM)
+    assert node.wait() == 0
+
+
+def test_simulated_time_can_be_set_while_it_runs(running, probe, node, until, reach):
+    boolean = ParameterType.PARAMETER_BOOL
+    assert set_parameter(probe, "use_sim_time", type=boolean, bool_value=True).successful
+    until(lambda: probe.diagnostics(node).message == "waits for /clock", "the missing clock")
+    clock = 50 * SECOND
+
+    def tick():
+        nonlocal clock
+        clock += INPUT_PERIOD
+        now = Time(sec=clock // SECOND, nanosec=clock % SECOND)
+        probe.publish(CLOCK, Clock(clock=now))
+
+    timer = probe.node.create_timer(1e-9 * INPUT_PERIOD, tick)
+    for _ in range(3):
+        reach()
+    until(lambda: probe.diagnostics(node).message == "simulates", "all is well")
+    probe.node.destroy_timer(timer)
+    assert set_parameter(probe, "use_sim_time", type=boolean, bool_value=False).successful
+    reach()
 
 
 def test_the_same_messages_give_the_same_bytes(start_node, make_probe, outfit, avatar, until):

@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -235,6 +236,10 @@ REJECTED = {
     "stamp_backwards": lambda f: {"header": stamped(f.stamp - 5 * STEP)},
     "stamp_jump": lambda f: {"header": stamped(f.stamp + 100 * 10**9)},
     "stamp_invalid": lambda f: {"header": Header(stamp=Time(sec=-5))},
+    "too_many": lambda f: {
+        "name": [*(f"joint_{i}" for i in range(59_999)), "joint_7"],
+        "position": [0.0] * 60_000,
+    },
 }
 
 
@@ -268,8 +273,22 @@ def test_damaged_bytes_are_counted(feeder, node, until):
 
 
 def test_unusable_descriptions_are_counted_and_the_old_one_stays(feeder, node, until):
+    mimics = "".join(
+        f"<link name='l{i}'/>"
+        f"<joint name='j{i}' type='revolute'><parent link='l{i}'/><child link='l{i + 1}'/>"
+        f"<mimic joint='j{(i + 1) % 4000}'/></joint>"
+        for i in range(4000)
+    )
+    circle = f"<robot name='r'>{mimics}<link name='l4000'/></robot>"
     bomb = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><robot name="&b;"/>'
-    for text in ("", "no xml", bomb, "<robot name='r'/>", feeder.urdf[: len(feeder.urdf) // 2]):
+    for text in (
+        "",
+        circle,
+        "no xml",
+        bomb,
+        "<robot name='r'/>",
+        feeder.urdf[: len(feeder.urdf) // 2],
+    ):
         before = feeder.probe.value(node, "rejected.robot_description")
         feeder.probe.publish(ROBOT_DESCRIPTION, String(data=text))
         until(
@@ -277,6 +296,59 @@ def test_unusable_descriptions_are_counted_and_the_old_one_stays(feeder, node, u
             f"{text[:20]!r} is rejected",
         )
     feeder.answer(feeder.send())
+
+
+def test_a_long_chain_of_mimic_joints_is_read(feeder, node, until):
+    """Such a skeleton cannot be mapped; that is found out beside what the node does."""
+    mimics = "".join(
+        f"<link name='l{i}'/>"
+        f"<joint name='j{i}' type='revolute'><parent link='l{i}'/><child link='l{i + 1}'/>"
+        + (f"<mimic joint='j{i - 1}'/>" if i else "")
+        + "</joint>"
+        for i in range(4000)
+    )
+    text = f"<robot name='r'>{mimics}<link name='l4000'/></robot>"
+    before = feeder.probe.value(node, "rejected.robot_description")
+    feeder.probe.publish(ROBOT_DESCRIPTION, String(data=text))
+    until(
+        lambda: feeder.probe.value(node, "rejected.robot_description") > before,
+        "the long chain is rejected",
+    )
+    feeder.answer(feeder.send())
+
+
+def test_missing_joint_states_are_told(feeder, node, until):
+    def level():
+        return feeder.probe.diagnostics(node).level
+
+    until(lambda: level() == DiagnosticStatus.STALE, "the missing input on /diagnostics")
+    assert "no usable joint_states for" in feeder.probe.diagnostics(node).message
+
+    def well():
+        feeder.send()
+        return level() == DiagnosticStatus.OK
+
+    until(well, "all is well again")
+
+
+def test_one_of_two_publishers_is_followed(feeder, node, until, make_probe):
+    other = make_probe(NAMESPACE)
+    count = 0
+
+    def both():
+        nonlocal count
+        feeder.answer(feeder.send())
+        count = len(feeder.found())
+        names = list(feeder.names)
+        stray = JointState(
+            header=stamped(feeder.stamp + 1), name=names, position=[0.5] * len(names)
+        )
+        other.publish(JOINT_STATES, stray)
+        return "2 publishers of joint_states" in feeder.probe.diagnostics(node).message
+
+    until(both, "both publishers on /diagnostics")
+    assert len(feeder.found()) == count
+    assert "2 publishers of joint_states" in node.output
 
 
 def test_a_time_that_begins_again_is_followed(feeder):

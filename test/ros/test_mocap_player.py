@@ -76,6 +76,32 @@ def test_the_body_walks_as_fast_as_the_clip(probe):
     assert moved / (stamps[-1] - stamps[0]) == pytest.approx(speed, rel=0.1)
 
 
+def test_a_stall_is_a_longer_step(probe, player, until):
+    """A process that is stopped for a while is where its stamps say that it is."""
+    forward = [
+        i for i, n in enumerate(probe.received("joint_states")[0].name) if n.endswith("position")
+    ]
+    start = len(probe.received("joint_states"))
+    for _ in range(3):
+        probe.next("joint_states", 10)
+        player.send(signal.SIGSTOP)
+        stamp = probe.node.get_clock().now().nanoseconds
+        until(
+            lambda s=stamp: probe.node.get_clock().now().nanoseconds > s + 300_000_000,
+            "the player is late",
+        )
+        player.send(signal.SIGCONT)
+        probe.next("joint_states", 10)
+    messages = probe.received("joint_states")[start:]
+    stamps = 1e-9 * np.array([nanoseconds(m.header.stamp) for m in messages])
+    place = np.array([list(m.position) for m in messages])[:, forward]
+    assert np.diff(stamps).max() > 0.25
+    speed = np.linalg.norm(np.diff(place, axis=0), axis=1) / np.diff(stamps)
+    # The walk's hips move at 1.3 m/s and sway.
+    assert speed.min() > 0.5
+    assert speed.max() < 2.5
+
+
 def test_description_reaches_late_joiners_and_names_the_joints(make_probe, probe, until):
     late = make_probe(NAMESPACE)
     name = late.listen(ROBOT_DESCRIPTION)
@@ -167,6 +193,18 @@ def test_lifecycle_by_hand(start_node, make_probe, until):
     probe.next(joints, 3)
     assert change(Transition.TRANSITION_ACTIVE_SHUTDOWN)
     assert state().label == "finalized"
+
+
+def test_a_clock_does_not_follow_itself(start_node, make_probe, until):
+    namespace = "/player_clock_live"
+    start_node("mocap_player", namespace, publish_clock=True, rate=RATE)
+    probe = make_probe(namespace)
+    probe.next(probe.listen(JOINT_STATES), 3)
+    true = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=True)
+    refused = set_parameter(probe, Parameter(name="use_sim_time", value=true))
+    assert not refused.successful
+    assert refused.reason == "use_sim_time: found true; allowed: false with publish_clock"
+    probe.next("joint_states", 10)
 
 
 def test_its_own_clock(start_node, make_probe):

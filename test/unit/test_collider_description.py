@@ -162,6 +162,32 @@ def test_hostile_documents_are_rejected(path, value):
 
 
 @pytest.mark.parametrize(
+    "path",
+    [
+        ["colliders", 2, "pose_in_bone", "position"],
+        ["colliders", 3, "geometry", "radii"],
+        ["colliders", 4, "geometry", "vertices"],
+    ],
+)
+@pytest.mark.parametrize("number", [-(2**63), 2**63, 2**64 - 1, -(10**6) - 1, 1e300])
+def test_numbers_too_large_are_rejected_under_their_own_revision(path, number):
+    value = json.loads(to_json(example_set()))
+    for key in path:
+        value = value[key]
+    value = [[number, 0, 0]] * 4 if isinstance(value[0], list) else [number, 1, 1]
+    text = mutated(path, value)
+    with pytest.raises(MessageError) as error:
+        from_json(text)
+    if "revision" in str(error.value):  # the geometry has passed
+        revision = str(error.value).rpartition(" ")[2]
+        document = json.loads(text)
+        document["revision"] = revision
+        from_json(json.dumps(document))
+        pytest.fail(f"{number} was accepted")
+    assert "magnitudes" in str(error.value)
+
+
+@pytest.mark.parametrize(
     "text",
     [
         "",

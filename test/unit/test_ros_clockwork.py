@@ -127,6 +127,24 @@ class TestJointChannels:
             self.channels().check(message)
         assert error.value.reason == "name_duplicated"
 
+    def test_a_name_twice_among_many_is_found_in_one_pass(self):
+        compared = 0
+
+        class Name(str):
+            __hash__ = str.__hash__
+
+            def __eq__(self, other):
+                nonlocal compared
+                compared += 1
+                return str.__eq__(self, other)
+
+        count = 3000
+        names = (*(Name(f"joint_{i}") for i in range(count - 1)), Name("joint_7"))
+        message = StampedJoints(stamp=1, names=names, values=np.zeros(count))
+        with pytest.raises(MessageError, match="'joint_7' is there twice"):
+            self.channels().check(message)
+        assert compared < 10 * count
+
     def test_a_rejected_message_changes_nothing(self):
         channels = self.channels()
         self.take(channels, a=1.0, b=2.0)

@@ -53,6 +53,26 @@ def test_names_may_change_from_message_to_message():
         assert len(found.values) == len(names)
 
 
+def test_counts_are_limited():
+    many = 60_000
+    with pytest.raises(MessageError, match=r"too_many: 60000 names; allowed: up to 4096"):
+        JointStates().read(joints(name=["n"] * many, position=[0.0] * many))
+    with pytest.raises(MessageError, match=r"too_many: 5000 poses; allowed: up to 4096"):
+        poses_from(pose_array(5000))
+    with pytest.raises(MessageError, match=r"too_many: 2001 bytes of text; allowed"):
+        JointStates().read(joints(name=["n" * 2000, "b", "c"]))
+    with pytest.raises(MessageError, match=r"too_many: 101 bytes of text; allowed"):
+        text_from(serialize_message(String(data="x" * 100)), 50)
+
+
+def test_a_rejected_message_leaves_no_names():
+    reader = JointStates()
+    reader.read(joints())
+    with pytest.raises(MessageError):
+        reader.read(joints(name=["a", "b", "n" * 2000]))
+    assert reader.read(joints()).names == ("a", "knee", "c")
+
+
 def test_velocities_and_efforts_are_of_no_interest():
     found = JointStates().read(joints(velocity=[1.0, 2.0, 3.0], effort=[float("nan")]))
     assert found.values.tolist() == [1.0, -2.0, 3.5]

@@ -1,0 +1,88 @@
+"""Work that a text asks for, beside the node's own thread."""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from garment_sim_ros.errors import GarmentSimError, MessageError
+
+Made = TypeVar("Made")
+
+_PAUSE = 1.0
+"""After a text that could not be used: who sends many of them gets no more work done [s]."""
+
+
+class Background(Generic[Made]):
+    """Makes something of texts; the latest wins, those that come meanwhile are left out.
+
+    Nothing is made of the same text again, unless it could not be used.
+
+    Args:
+        make: Makes it, in a thread of its own.
+        reason: Under which failures are counted.
+    """
+
+    def __init__(self, make: Callable[[str], Made], reason: str) -> None:
+        self._make = make
+        self._reason = reason
+        self._thread: threading.Thread | None = None
+        self._made: Made | MessageError | None = None
+        self._waiting: str | None = None
+        self._text: str | None = None
+        self._not_before = 0.0
+
+    def request(self, text: str) -> None:
+        """Have something made of a text."""
+        self._waiting = None if text == self._text else text
+        self._begin()
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is being made or waits to be."""
+        return self._thread is not None or self._waiting is not None
+
+    def result(self, *, longest: float = 0.0) -> Made | None:
+        """What is ready, once; None where nothing is.
+
+        Args:
+            longest: Time to wait for it [s].
+
+        Raises:
+            MessageError: The text cannot be used.
+        """
+        self._begin()
+        thread = self._thread
+        if thread is None:
+            time.sleep(longest if self.busy else 0.0)
+            return None
+        thread.join(longest)
+        if thread.is_alive():
+            return None
+        made, self._thread, self._made = self._made, None, None
+        if isinstance(made, MessageError):
+            self._text = None
+            self._not_before = time.monotonic() + _PAUSE
+            raise made
+        self._begin()
+        return made
+
+    def _begin(self) -> None:
+        text = self._waiting
+        if text is None or self._thread is not None:
+            return
+        if time.monotonic() >= self._not_before:
+            self._text, self._waiting = text, None
+            # A daemon: the end of the process does not wait for it.
+            self._thread = threading.Thread(target=self._work, args=(text,), daemon=True)
+            self._thread.start()
+
+    def _work(self, text: str) -> None:
+        try:
+            self._made = self._make(text)
+        except MessageError as error:
+            self._made = error
+        except GarmentSimError as error:
+            self._made = MessageError(self._reason, str(error))
+        except Exception as error:
+            self._made = MessageError(self._reason, f"{type(error).__name__}: {error}")
