@@ -10,7 +10,9 @@ from garment_sim_ros.errors import GarmentSimError, MessageError
 Made = TypeVar("Made")
 
 _PAUSE = 1.0
-"""After a text that could not be used: who sends many of them gets no more work done [s]."""
+"""Least time after a text that could not be used, before the next [s]."""
+_REST = 20.0
+"""Least such time per time of work: who sends many of them gets little work done."""
 
 
 class Background(Generic[Made]):
@@ -31,6 +33,7 @@ class Background(Generic[Made]):
         self._waiting: str | None = None
         self._text: str | None = None
         self._not_before = 0.0
+        self._worked = 0.0
 
     def request(self, text: str) -> None:
         """Have something made of a text."""
@@ -62,7 +65,7 @@ class Background(Generic[Made]):
         made, self._thread, self._made = self._made, None, None
         if isinstance(made, MessageError):
             self._text = None
-            self._not_before = time.monotonic() + _PAUSE
+            self._not_before = time.monotonic() + max(_PAUSE, _REST * self._worked)
             raise made
         self._begin()
         return made
@@ -78,6 +81,7 @@ class Background(Generic[Made]):
             self._thread.start()
 
     def _work(self, text: str) -> None:
+        began = time.thread_time()
         try:
             self._made = self._make(text)
         except MessageError as error:
@@ -86,3 +90,4 @@ class Background(Generic[Made]):
             self._made = MessageError(self._reason, str(error))
         except Exception as error:
             self._made = MessageError(self._reason, f"{type(error).__name__}: {error}")
+        self._worked = time.thread_time() - began

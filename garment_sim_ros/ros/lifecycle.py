@@ -34,6 +34,8 @@ from garment_sim_ros.ros.ticker import Ticker, Waits, spin
 
 Group = TypeVar("Group")
 
+_SWITCH_INTERVAL = 5e-4
+"""Longest wait of a frame for a thread that makes something beside it in Python [s]."""
 _GRACE = 2.0
 """Time that a callback has to end once a signal asked for it [s]."""
 
@@ -330,6 +332,7 @@ def run(make_node: Callable[[], ManagedNode[Any]], argv: list[str] | None = None
         Exit code: 0, or 2 for a parameter or file that is not allowed, after one line about it.
     """
     signals = _StopSignals()
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     # Sending happens in a thread of the middleware's: a slow reader does not delay a frame.
     os.environ.setdefault("RMW_FASTRTPS_PUBLICATION_MODE", "ASYNCHRONOUS")
     node: ManagedNode[Any] | None = None

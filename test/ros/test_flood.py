@@ -29,7 +29,7 @@ from garment_sim_ros.ros.interfaces import (
 )
 from garment_sim_ros.ros.serialize import Joints
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 NAMESPACE = "/flood"
 SECOND = 10**9
