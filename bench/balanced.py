@@ -73,7 +73,7 @@ class Meter:
         self.stretch.append(length / self.rest - 1.0)
         points = np.concatenate([x, span.mean(axis=1), x[self.triangles].mean(axis=1)])
         depth = np.zeros(len(points), np.float32)
-        colliders = simulation._colliders
+        colliders = simulation.collider_state
         deepest(colliders.shapes, colliders.posed, points.astype(np.float32), depth)
         self.depth.append(depth)
 

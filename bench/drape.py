@@ -56,17 +56,12 @@ def cloth(
     """The cloth, flat, 0.05 m above the sphere."""
     vertices, triangles = grid(50)
     vertices = vertices - 0.5 * np.array([1.0, 1.0, 0.0]) + np.array([0.0, 0.0, RADIUS + 0.05])
-    return Garment(
-        name="cloth",
-        vertices=vertices,
-        triangles=triangles,
+    return Garment.from_mesh(
+        vertices,
+        triangles,
         material=dataclasses.replace(MATERIAL, damping=damping),
-        frames=("bone",),
-        T_world_frame_rest=np.eye(4)[None],
-        frame_index=np.zeros((len(vertices), 1), np.int32),
-        frame_weight=np.ones((len(vertices), 1)),
-        pins=np.array(pins, dtype=np.int32),
-        pin_frame=np.zeros(len(pins), np.int32),
+        pins=pins,
+        bone="bone",
         tethers=tethers,
     )
 

@@ -51,19 +51,7 @@ def fall(frames: int) -> dict[str, Any]:
     vertices, triangles = grid(50)
     top = float(hull.vertices[:, 2].max())
     vertices = vertices - [0.5, 0.5, 0.0] + [0.0, 0.0, top + 0.03]
-    count = len(vertices)
-    cloth = Garment(
-        name="cloth",
-        vertices=vertices,
-        triangles=triangles,
-        material=Material(friction=0.5),
-        frames=("bone",),
-        T_world_frame_rest=np.eye(4)[None],
-        frame_index=np.zeros((count, 1), np.int32),
-        frame_weight=np.ones((count, 1)),
-        pins=np.zeros(0, np.int32),
-        pin_frame=np.zeros(0, np.int32),
-    )
+    cloth = Garment.from_mesh(vertices, triangles, material=Material(friction=0.5), bone="bone")
     geometry = {"vertices": hull.vertices, "faces": hull.faces}
     colliders = ColliderSet(
         colliders=(
@@ -117,7 +105,7 @@ def fall(frames: int) -> dict[str, Any]:
     return {
         "model_faces": len(inner.faces),
         "hull_faces": len(hull.faces),
-        "particles": count,
+        "particles": len(vertices),
         "touching": int(near.sum()),
         "steps_per_second": round(1.0 / float(np.median(steps))),
         "step_in_F": round(float(np.median(np.divide(steps, sweeps))), 2),

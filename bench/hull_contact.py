@@ -23,10 +23,10 @@ from typing import Any
 
 import numpy as np
 
+from garment_sim_ros.avatar import Avatar
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.hulls.hulls import fit_hulls
-from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.broad_phase import DIAGONAL
 from garment_sim_ros.contact.collide import Contacts, collide
 from garment_sim_ros.contact.packed import PosedShapes, pose
@@ -34,8 +34,6 @@ from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
-from garment_sim_ros.mocap.clip_poses import clip_poses
-from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.params import HullSettings
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers.relaxation import step as relaxation
@@ -50,9 +48,7 @@ _TURNS = 12
 
 def walked(outfits: Sequence[Garment], colliders: ColliderSet, body: Body) -> dict[str, list[Any]]:
     """What each garment brings to its collisions in 30 steps of the walk, after 1.5 s of it."""
-    clip = load_clip("walk")
-    poser = ColliderPoser(colliders, body)
-    joints = clip_poses(clip, body, np.arange(101) / 60 % clip.duration)
+    path = Avatar(body, colliders).play("walk", 60, seconds=100 / 60, repeat="loop")
     simulation = Simulation(outfits, colliders)
     brought: dict[str, list[Any]] = {name: [] for name in simulation.names}
     seen = itertools.cycle(simulation.names)
@@ -65,13 +61,10 @@ def walked(outfits: Sequence[Garment], colliders: ColliderSet, body: Body) -> di
         return collide(shapes, posed, sides, x, x_start, thickness, friction, contacts)
 
     relaxation.collide = note
-    start = poser.poses(joints[0]).copy()
-    frame = 0
-    simulation.reset(start)
-    for frame in range(100):
-        end = poser.poses(joints[frame + 1]).copy()
-        simulation.advance(start, end, 1 / 60)
-        start = end
+    frame = -1  # the first call puts them on
+    for poses in path:
+        simulation.step(poses, 1 / 60)
+        frame += 1
     relaxation.collide = collide
     return brought
 

@@ -34,7 +34,7 @@ def doubled(value: Any) -> Any:
 
 def in_double(simulation: Simulation) -> None:
     """Replaces all arrays of the cloth, in place; contacts keep single precision scratch."""
-    worn = simulation._worn["cloth"]
+    worn = simulation["cloth"].worn
     for part in (worn.model, worn.model.springs, worn.state, worn.good, worn.workspace):
         for name, value in vars(part).items():
             object.__setattr__(part, name, doubled(value))

@@ -8,7 +8,6 @@ straight line through the logarithms. F is the time of three plain C sweeps of t
 """
 
 import argparse
-import dataclasses
 import json
 import tempfile
 import time
@@ -18,6 +17,7 @@ import numpy as np
 from springs import grid
 
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.params import RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.simulation import Simulation
 
@@ -30,17 +30,10 @@ FALL = 20
 
 def scene(solver: str, side: int, pins: int = 0) -> Simulation:
     """A cloth of side x side vertices just over the sphere, the first so many pinned."""
-    plain = drape.cloth()
     vertices, triangles = grid(side)
     vertices = vertices - 0.5 * np.array([1.0, 1.0, 0.0]) + [0.0, 0.0, drape.RADIUS + 0.01]
-    garment = dataclasses.replace(
-        plain,
-        vertices=vertices,
-        triangles=triangles,
-        frame_index=np.zeros((len(vertices), 1), np.int32),
-        frame_weight=np.ones((len(vertices), 1)),
-        pins=np.arange(pins, dtype=np.int32),
-        pin_frame=np.zeros(pins, np.int32),
+    garment = Garment.from_mesh(
+        vertices, triangles, material=drape.MATERIAL, pins=range(pins), bone="bone"
     )
     ball = Collider(name="ball", kind="sphere", bone="bone", geometry={"radius": drape.RADIUS})
     frame = Collider(name="frame_bone", kind="frame", bone="bone")

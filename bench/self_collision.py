@@ -17,13 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from garment_sim_ros.body.loaders.load import load_body
-from garment_sim_ros.colliders.fitting import fit_colliders
-from garment_sim_ros.colliders.posing import ColliderPoser
-from garment_sim_ros.garment.outfit import load_outfit
-from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT
-from garment_sim_ros.mocap.clip_poses import clip_poses
-from garment_sim_ros.mocap.clips import load_clip
+from garment_sim_ros.avatar import Avatar
 from garment_sim_ros.sim.self_collision.garment import own_distance
 from garment_sim_ros.sim.simulation import Simulation
 
@@ -41,13 +35,9 @@ def main() -> None:
     parser.add_argument("--solver", default="relaxation")
     parser.add_argument("--json", action="store_true", help="print one JSON object only")
     options = parser.parse_args()
-    body = load_body("mannequin")
-    colliders = fit_colliders(body)
-    garments = load_outfit(DEFAULT_OUTFIT, body, colliders=colliders).garments
-    clip = load_clip(options.clip)
-    poser = ColliderPoser(colliders, body)
-    times = FRAME * np.arange(int(options.seconds / FRAME) + 1)
-    path = [poser.poses(T).copy() for T in clip_poses(clip, body, times)]
+    avatar = Avatar.load("mannequin")
+    garments, colliders = avatar.dress().garments, avatar.colliders
+    path = list(avatar.play(options.clip, 1 / FRAME, seconds=options.seconds))
     with_it = [
         dataclasses.replace(g, self_collision=own_distance(g.vertices, g.triangles, g.material))
         for g in garments

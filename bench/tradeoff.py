@@ -20,14 +20,11 @@ from typing import Any
 import numpy as np
 from drape import Unit
 
+from garment_sim_ros.avatar import Avatar
 from garment_sim_ros.body.loaders.load import load_body
-from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.colliders.fitting import fit_colliders
-from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.garment.outfit import load_outfit
-from garment_sim_ros.mocap.clip_poses import clip_poses
-from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.params import ColliderOptions, RelaxationSettings, XpbdSettings
 from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh
 from garment_sim_ros.sim.simulation import Simulation
@@ -76,15 +73,13 @@ class Walk:
 
     def __init__(self, body: str, clip: str, seconds: float) -> None:
         self.body = load_body(body)
-        frames = round(seconds / FRAME) + 1
-        self.joints = clip_poses(load_clip(clip), self.body, FRAME * np.arange(frames))
-        skinner = Skinner(self.body.skin)
-        self.skins = {n: skinner.vertices(self.joints[n]).copy() for n in range(60, frames, EVERY)}
+        avatar = Avatar(self.body, ColliderSet(colliders=()))
+        self.joints = list(avatar.joints(clip, 1 / FRAME, seconds=seconds))
+        self.skins = {n: avatar.skin(self.joints[n]) for n in range(60, len(self.joints), EVERY)}
 
     def poses(self, colliders: ColliderSet) -> list[Any]:
         """Poses of colliders in every frame."""
-        poser = ColliderPoser(colliders, self.body)
-        return [poser.poses(T).copy() for T in self.joints]
+        return list(map(Avatar(self.body, colliders).poses, self.joints))
 
 
 def run(walk: Walk, setting: Setting, folder: str) -> dict[str, float]:

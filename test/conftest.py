@@ -51,18 +51,8 @@ class Cloth:
     def garment(vertices, triangles, pins=(), *, name="cloth", frame="bone", **material):
         """A garment that rides on one frame, whose rest transform is the identity."""
         values = {"damping": 0.0, "air_drag": 0.0, "friction": 0.0, **material}
-        count = len(vertices)
-        return Garment(
-            name=name,
-            vertices=np.asarray(vertices, dtype=np.float64),
-            triangles=np.asarray(triangles, dtype=np.int32),
-            material=Material(**values),
-            frames=(frame,),
-            T_world_frame_rest=np.eye(4)[None],
-            frame_index=np.zeros((count, 1), np.int32),
-            frame_weight=np.ones((count, 1)),
-            pins=np.array(pins, dtype=np.int32),
-            pin_frame=np.zeros(len(pins), np.int32),
+        return Garment.from_mesh(
+            vertices, triangles, name=name, material=Material(**values), pins=pins, bone=frame
         )
 
     @staticmethod

@@ -12,7 +12,7 @@ from garment_sim_ros.contact.shapes import WORLD, ColliderSet
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.materials import material_from
 from garment_sim_ros.garment.mesh import mesh_from
-from garment_sim_ros.garment.sheet import pins_of, sheet
+from garment_sim_ros.geometry.sheet import pins_of, sheet
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.placement import SoftAttachments
 from garment_sim_ros.sim.self_collision.garment import own_distance

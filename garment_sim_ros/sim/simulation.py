@@ -186,6 +186,10 @@ class Simulation:
         """The layer that a garment is worn in."""
         return self._worn[name].garment.layer
 
+    def over(self, name: str) -> tuple[LayerPair, ...]:
+        """How a garment meets each of those that it is worn over."""
+        return tuple(pair for _, pair in self._under[name])
+
     def is_held(self, name: str) -> bool:
         """Whether a garment is kept near to where it would be as skin."""
         return any(isinstance(c, Leash) for c in self._worn[name].constraints)

@@ -9,6 +9,7 @@ import numpy as np
 
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.locality import SPLIT_FROM
+from garment_sim_ros.geometry.sheet import sheet
 from garment_sim_ros.params import Environment, Material
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers import SOLVERS
@@ -90,17 +91,13 @@ def warm_up(
 
 def _sheet(side: int, **asked: object) -> SimpleNamespace:
     """A square garment with so many vertices along a side, and what it asks for."""
-    u = 0.1 * np.arange(side)
-    vertices = np.stack([*np.meshgrid(u, u, indexing="ij"), np.zeros((side, side))], axis=-1)
-    index = np.arange(side * side, dtype=np.int32).reshape(side, side)
-    a, b, c, d = (
-        q.ravel() for q in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:])
-    )
+    length = 0.1 * (side - 1)
+    vertices, triangles, _ = sheet(length, length, edge=0.1)
     nothing = dict.fromkeys(("max_distance", "backstop", "tethers", "soft", "self_collision"))
     plain = {
         "name": "scrap",
-        "vertices": vertices.reshape(-1, 3),
-        "triangles": np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]),
+        "vertices": vertices,
+        "triangles": triangles,
         "material": Material(),
         "frames": ("bone",),
         "T_world_frame_rest": np.eye(4)[None],

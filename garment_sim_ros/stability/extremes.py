@@ -101,18 +101,13 @@ def garment(
     **material: Any,
 ) -> Garment:
     """A garment that rides on the bone called ``bone``."""
-    count = len(vertices)
-    return Garment(
+    return Garment.from_mesh(
+        vertices,
+        triangles,
         name=name,
-        vertices=np.ascontiguousarray(vertices, np.float64),
-        triangles=np.ascontiguousarray(triangles, np.int32),
         material=Material(**material),
-        frames=("bone",),
-        T_world_frame_rest=np.eye(4)[None],
-        frame_index=np.zeros((count, 1), np.int32),
-        frame_weight=np.ones((count, 1)),
-        pins=np.array(list(pins), dtype=np.int32),
-        pin_frame=np.zeros(len(pins), np.int32),
+        pins=pins,
+        bone="bone",
         layer=layer,
     )
 

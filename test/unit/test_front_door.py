@@ -2,6 +2,7 @@
 
 import ast
 import itertools
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +18,7 @@ from garment_sim_ros.geometry.transforms import transform_from
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.params import RelaxationSettings
 
+ROOT = Path(__file__).resolve().parents[2]
 TURN = transform_from(np.array([0.3, -0.2, 0.5]), np.array([0.5, 0.5, 0.5, 0.5]))
 
 
@@ -54,6 +56,17 @@ assert "numpy" not in sys.modules
 """
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
+
+    @pytest.mark.parametrize("folder", ["test", "bench", "examples"])
+    def test_nobody_reaches_past_the_public_members_of_a_simulation(self, folder):
+        private = re.compile(r"\b(simulation|sim|scene|one|moved)\._[a-z]|\._(worn|under)\b")
+        found = [
+            f"{path.name}:{number}: {line.strip()}"
+            for path in sorted((ROOT / folder).rglob("*.py"))
+            for number, line in enumerate(path.read_text().splitlines(), start=1)
+            if private.search(line) and path.name != Path(__file__).name
+        ]
+        assert not found
 
 
 class TestShapes:

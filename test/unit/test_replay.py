@@ -9,7 +9,6 @@ from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.mocap.source_urdf import urdf_from_clip
 from garment_sim_ros.mocap.walk import walk
-from garment_sim_ros.params import Material
 from garment_sim_ros.recording.bags import GarmentTrack, Recording
 from garment_sim_ros.recording.previews import film_indices
 from garment_sim_ros.recording.replay import Replay
@@ -99,18 +98,8 @@ def test_summary_of_a_garment_that_is_the_skin(recording, body):
     worn = with_belt(recording, body)
     shown = figures(worn, body)
     assert len(shown) == FRAMES // 5
-    belt = Garment(
-        name="belt",
-        vertices=worn.garments["belt"].vertices,
-        triangles=worn.garments["belt"].triangles,
-        material=Material(),
-        frames=(),
-        T_world_frame_rest=np.zeros((0, 4, 4)),
-        frame_index=np.zeros((0, 0), np.int32),
-        frame_weight=np.zeros((0, 0)),
-        pins=np.arange(3, dtype=np.int32),
-        pin_frame=np.zeros(3, np.int32),
-    )
+    track = worn.garments["belt"]
+    belt = Garment.from_mesh(track.vertices, track.triangles, name="belt", pins=range(3))
     summary = summarize(worn, body, [belt], shown, frame_rate=60.0)
     assert summary["frames"] == FRAMES
     assert summary["rate_hz"] == pytest.approx(60.0, abs=0.01)

@@ -59,18 +59,7 @@ def cloth(size=15):
     i = np.arange(size * size).reshape(size, size)
     a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, 1:].ravel(), i[1:, :-1].ravel()
     triangles = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-    return Garment(
-        name="cloth",
-        vertices=vertices,
-        triangles=triangles.astype(np.int32),
-        material=Material(friction=0.5),
-        frames=("bone",),
-        T_world_frame_rest=np.eye(4)[None],
-        frame_index=np.zeros((size * size, 1), np.int32),
-        frame_weight=np.ones((size * size, 1)),
-        pins=np.zeros(0, np.int32),
-        pin_frame=np.zeros(0, np.int32),
-    )
+    return Garment.from_mesh(vertices, triangles, material=Material(friction=0.5), bone="bone")
 
 
 def test_frames_carry_the_skin_as_the_rig_does(body):

@@ -109,7 +109,7 @@ def test_rides_a_turning_and_moving_collider(cloth):
 def test_only_where_it_is_asked_for_and_possible(cloth):
     simulation = dressed(cloth, ellipsoid(), 0.2, settings=RelaxationSettings())
     simulation.advance(STILL, STILL)
-    assert simulation._worn["cloth"].workspace.earliest is None
+    assert simulation["cloth"].worn.workspace.earliest is None
     earliest = Parameters(
         environment=Environment(), settings=RelaxationSettings(contact="earliest")
     )

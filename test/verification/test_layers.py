@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from garment_sim_ros.avatar import Avatar
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.colliders.capsules.capsules import fit_capsules
-from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.garment.outfit import load_outfit
-from garment_sim_ros.mocap.clip_poses import clip_poses
-from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.simulation import Simulation
 
@@ -101,10 +99,8 @@ def test_a_shirt_stays_over_the_skirt_of_a_walking_body():
     body = load_body("mannequin")
     colliders = fit_capsules(body)
     garments = load_outfit("tshirt_short_skirt", body, colliders=colliders).garments
-    poser = ColliderPoser(colliders, body)
     simulation = Simulation(garments, colliders)
-    walk = clip_poses(load_clip("walk"), body, FRAME * np.arange(61))
-    path = [poser.poses(T).copy() for T in walk]
+    path = list(Avatar(body, colliders).play("walk", 1 / FRAME, seconds=60 * FRAME))
     simulation.reset(path[0])
     triangles = simulation.model("skirt").triangles
     met = crossed = 0

@@ -106,15 +106,14 @@ def test_contacts_of_the_step_before_are_known(cloth, speed, rate, layers, limit
     # Single steps, and two or three in one call.
     for start, end in itertools.pairwise([1, 2, 3, 4, 5, 7, 9, 12, 13]):
         simulation.advance(at(start * FRAME), at(end * FRAME), (end - start) * FRAME)
-        for worn in simulation._worn.values():
-            assert worn.workspace.flags[_KNOWN] == 1
+        for garment in simulation:
+            assert garment.worn.workspace.flags[_KNOWN] == 1
         contacts.append(simulation.health("sheet 0").contacts)
     assert max(contacts) > 0
     # Sheets meet, and meet in the last sub-step, which is what could hide the contacts.
-    for _, pair in simulation._under[garments[-1].name]:
-        assert any(meeting.found[1] > 0 for meeting in pair._meetings)
+    assert all(pair.touch for pair in simulation.over(garments[-1].name))
     # What is put elsewhere knows nothing.
     simulation.carry(at(13 * FRAME), at(20 * FRAME))
     simulation.advance(at(20 * FRAME), at(21 * FRAME))
-    known = [worn.workspace.flags[_KNOWN] for worn in simulation._worn.values()]
+    known = [garment.worn.workspace.flags[_KNOWN] for garment in simulation]
     assert any(known) == (speed == 0.0)

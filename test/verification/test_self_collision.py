@@ -102,7 +102,7 @@ def test_without_it_the_sheet_passes_through(cloth):
     put(simulation, x, v)
     advance(simulation, 10)
     assert passing(simulation) > 10
-    assert simulation._worn["cloth"].constraints == ()
+    assert simulation["cloth"].worn.constraints == ()
 
 
 def test_what_starts_tangled_comes_free(cloth):
@@ -122,11 +122,11 @@ def test_what_starts_tangled_comes_free(cloth):
 
 def test_momentum_and_the_centre_of_mass_stay(cloth):
     simulation, x, upper = folded(cloth, DISTANCE)
-    collision = simulation._worn["cloth"].constraints[0]
+    collision = simulation["cloth"].worn.constraints[0]
     model, state = simulation.model("cloth"), simulation.state("cloth")
     v = np.random.default_rng(3).normal(0.0, 0.3, x.shape)
     put(simulation, x, v)
-    colliders = simulation._colliders
+    colliders = simulation.collider_state
     assert collision.hold(state, colliders, STEP) == 0
     # The halves meet in one go.
     x[upper, 2] -= 2 * BEND + 0.002
@@ -156,16 +156,16 @@ def test_a_step_allocates_nothing(cloth):
     def allocations(columns):
         simulation, x, upper = folded(cloth, DISTANCE, columns=columns)
         put(simulation, x, np.zeros_like(x))
-        collision, state = simulation._worn["cloth"].constraints[0], simulation.state("cloth")
-        collision.hold(state, simulation._colliders, STEP)
+        collision, state = simulation["cloth"].worn.constraints[0], simulation.state("cloth")
+        collision.hold(state, simulation.collider_state, STEP)
         x[upper, 2] -= 2 * BEND
         put(simulation, x, np.zeros_like(x))
-        assert collision.hold(state, simulation._colliders, STEP) > 10
+        assert collision.hold(state, simulation.collider_state, STEP) > 10
         _nrt_python.memsys_enable_stats()
         before = _nrt_python.memsys_get_stats_alloc()
         searches = collision.searches
         for _ in range(8):
-            collision.hold(state, simulation._colliders, STEP)
+            collision.hold(state, simulation.collider_state, STEP)
         return _nrt_python.memsys_get_stats_alloc() - before, collision.searches - searches
 
     assert allocations(6) == allocations(24)
@@ -175,7 +175,7 @@ def test_a_bad_state_is_left_alone(cloth):
     simulation, x, _ = folded(cloth, DISTANCE)
     put(simulation, x, np.zeros_like(x))
     advance(simulation, 8)
-    collision, state = simulation._worn["cloth"].constraints[0], simulation.state("cloth")
+    collision, state = simulation["cloth"].worn.constraints[0], simulation.state("cloth")
     for value in (np.nan, np.inf):
         state.x[5] = value
-        assert collision.hold(state, simulation._colliders, STEP) == 0
+        assert collision.hold(state, simulation.collider_state, STEP) == 0

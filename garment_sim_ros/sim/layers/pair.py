@@ -150,6 +150,11 @@ class LayerPair:
         of_outer, of_inner = self._meetings
         return int(of_outer.found[2]), int(of_inner.found[2])
 
+    @property
+    def touch(self) -> bool:
+        """Whether particles of the one touched the other when they were parted last."""
+        return any(meeting.found[1] > 0 for meeting in self._meetings)
+
     def look(self) -> None:
         """Finds which triangles particles are near to; once in a step."""
         for meeting, search in self._both_ways:
@@ -201,7 +206,7 @@ class LayerPair:
             meeting.way[0] = PARTING_SPEED * dt
         separate(of_outer)
         separate(of_inner)
-        return any(meeting.found[1] > 0 for meeting in self._meetings)
+        return self.touch
 
 
 def _meeting(
