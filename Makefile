@@ -1,6 +1,6 @@
 # Needs Python 3.10 to 3.13 and make; everything else goes into .venv.
 .DEFAULT_GOAL := help
-.PHONY: help test test-slow test-machines test-colcon bench demo mannequin lint clean
+.PHONY: help test test-slow test-machines test-colcon bench demo docs mannequin lint clean
 SHELL := /bin/bash
 
 # The first Python that is young enough and old enough.
@@ -47,6 +47,12 @@ bench: $(STAMP) ## Timing figures, as ratios within one run
 
 demo: $(STAMP) ## A dressed, walking avatar over real ROS 2; pictures and figures in out/demo
 	$(PY) -m garment_sim_ros.cli.main demo --out out/demo $(ARGS)
+
+# Without compilation kernels are functions, with a signature and a docstring.
+MODULES = garment_sim_ros $(subst /,.,$(patsubst %/__init__.py,%,$(wildcard garment_sim_ros/*/__init__.py)) \
+	$(patsubst %.py,%,$(filter-out %/__init__.py,$(wildcard garment_sim_ros/*.py))))
+docs: $(STAMP) ## Reference of all functions, from their docstrings, in out/docs
+	NUMBA_DISABLE_JIT=1 $(PY) -W error::UserWarning -m pdoc --docformat google --output-directory out/docs $(MODULES)
 
 mannequin: $(STAMP) ## The default mannequin anew, after a change to how it is grown
 	$(PY) -c "import numpy; from garment_sim_ros.body.mannequin.mannequin import MannequinOptions, grown; \

@@ -28,6 +28,7 @@ ROS = [
 ]
 TEST = ["hypothesis>=6.98", "networkx>=2.8", "psutil>=5.9", "pytest>=8", "pytest-xdist>=3.5"]
 CHECK = ["import-linter~=2.12", "mypy~=2.4.0", "ruff~=0.17.0"]  # their rules change with versions
+DOCS = ["pdoc~=16.0"]
 
 setup(
     name=NAME,
@@ -47,7 +48,7 @@ setup(
     ],
     zip_safe=False,
     install_requires=REQUIRES,
-    extras_require={"ros": ROS, "test": TEST, "dev": TEST + CHECK},
+    extras_require={"ros": ROS, "test": TEST, "docs": DOCS, "dev": TEST + CHECK + DOCS},
     entry_points={
         "console_scripts": [
             "garment-sim = garment_sim_ros.cli.main:main",
