@@ -55,7 +55,8 @@ class Recording:
         joint_names: Channels, in the order of `joint_values`.
         joint_stamp: Of each `joint_states` message [ns], shape [k].
         joint_values: Channel values [rad or m], shape [k, d].
-        stamp: Times of frames of which all garments are kept [ns], increasing, shape [m].
+        stamp: Times of frames of which all garments are kept [ns], increasing, shape [m]; only
+            those at which the joints are known.
         garments: By name.
         quality: Values over time of each key that each status of `quality` has.
     """
@@ -129,8 +130,10 @@ def _read(reader: Reader, path: str | Path, most_frames: int) -> Recording:
         stamps[name].add(_nanoseconds(message))
         finite[name] = finite[name] and bool(np.isfinite(x).all())
 
+    # Before the first pose and after the last one it is not known where the body was.
+    first, last = joint_stamp.min(), joint_stamp.max()
+    common = sorted(t for t in set.intersection(*stamps.values()) if first <= t <= last)
     # A second pass rather than holding all positions: a long recording has too many.
-    common = sorted(set.intersection(*stamps.values()))
     kept = common[:: max(1, -(-len(common) // most_frames))]
     place = {stamp: k for k, stamp in enumerate(kept)}
     positions = {

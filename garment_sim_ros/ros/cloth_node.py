@@ -331,7 +331,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
 
     def _publish(self) -> None:
         stepper = self._stepper
-        if stepper is None or stepper.time is None:
+        if stepper is None or stepper.time is None or stepper.is_behind:
             return
         for name in stepper.simulation.names:
             self._topics[name].publish(stepper.simulation, stepper.time)

@@ -20,6 +20,9 @@ _FEWEST = 4
 _PARTS = 6
 """Time that is passed over goes by in so many parts with steps between them, in which limbs that
 were carried into the cloth push it out again: in one part they end deep in it."""
+_CATCHING_UP = 3
+"""Garments that were put on catch up within so many times the frames that it takes where the body
+stands still; a machine that is slower than that passes time over."""
 
 
 class ClothStepper:
@@ -43,6 +46,8 @@ class ClothStepper:
         resets: Times the garments were put on anew, the first time not counted.
         teleports: Jumps of the body.
         skipped: Time that was passed over because there was too much of it [ns].
+        is_behind: Whether the garments were put on and have not caught up yet with the body, which
+            moved on in the meantime: they are not to be shown.
         delay: As given.
     """
 
@@ -63,6 +68,8 @@ class ClothStepper:
         self.resets = 0
         self.teleports = 0
         self.skipped = 0
+        self.is_behind = False
+        self._frames_left: int | None = None
         self.delay = delay
         self._step = round(simulation.solver_step * _SECOND)
         self._most_steps = max(1, round(catch_up * _SECOND) // self._step)
@@ -157,11 +164,15 @@ class ClothStepper:
             if in_time:
                 # Settling took a while, in which no messages were taken.
                 self._order.excuse_gap()
+            self.is_behind, self._frames_left = in_time, None
             return True
         if self._carries:
             self._take_along(*self._buffer.newest)
             return True
         steps = (until - self.time) // self._step
+        self.is_behind = self.is_behind and in_time
+        if self.is_behind:
+            steps = self._catch_up(steps)
         if steps <= 0:
             return False
         over = max(0, steps - self._most_steps) if in_time else 0
@@ -182,12 +193,23 @@ class ClothStepper:
         self._now = poses.copy()
         self._starts_anew = self._carries = False
 
+    def _catch_up(self, steps: int) -> int:
+        """Steps of so many that a frame takes after garments were put on.
+
+        None of that time is passed over: limbs that moved on would be carried into the cloth.
+        """
+        if self._frames_left is None:
+            self._frames_left = _CATCHING_UP * -(-steps // self._most_steps)
+        self._frames_left -= 1
+        self.is_behind = steps > self._most_steps and self._frames_left > 0
+        return self._most_steps if self.is_behind else steps
+
     def _take_along(self, stamp: int, poses: ColliderPoses) -> None:
         """Take the garments along on a jump; time until then is passed over."""
         self.simulation.carry(self._now, poses)
         self.time = stamp
         self._now = poses.copy()
-        self._carries = False
+        self._carries = self.is_behind = False
 
     def _pass_over(self, steps: int) -> None:
         """Take the garments along for some steps without simulating."""

@@ -140,6 +140,18 @@ def test_positions_are_kept_of_so_many_frames_only(write):
     assert (skirt.positions[:, 0, 0] == [0, 3, 6, 9]).all()
 
 
+def test_frames_are_kept_from_when_the_pose_is_known(write):
+    """The first and the last message that came were not of the joints."""
+    messages = [m for m in avatar() if not m[0].endswith("joint_states")]
+    messages += [m for m in avatar() if m[0].endswith("joint_states")][3:-2]
+    recording = read_recording(write(messages))
+    skirt = recording.garments["skirt"]
+    assert skirt.positions[:, 0, 0].tolist() == list(range(3, FRAMES - 2))
+    assert recording.stamp[0] == recording.joint_stamp[0]
+    assert recording.stamp[-1] == recording.joint_stamp[-1]
+    assert len(skirt.arrival) == FRAMES
+
+
 def test_frames_that_one_garment_lacks_are_not_kept(write):
     messages = avatar()
     scarf = [(t.replace("skirt", "scarf"), a, m) for t, a, m in messages if "garments" in t]

@@ -247,6 +247,7 @@ class TestClothStepper:
         stepper = make(catch_up=0.05)
         self.feed(stepper, 0, 0.0)
         stepper.advance(0)
+        stepper.advance(0)
         for i in range(1, 51):
             self.feed(stepper, i * STEP, i / 1000)
         stepper.moves.clear()
@@ -272,11 +273,49 @@ class TestClothStepper:
         self.feed(stepper, 0, 0.0)
         stepper.advance(0)
         self.feed(stepper, 3 * SECOND, 0.1)  # all that the queue kept
-        stepper.advance(3 * SECOND)
+        while stepper.is_behind:
+            stepper.advance(3 * SECOND)
         assert stepper.resets == 0
         assert stepper.time == 3 * SECOND
         with pytest.raises(MessageError, match="stamp_jump"):
             self.feed(stepper, 6 * SECOND, 0.1)
+
+    def test_garments_catch_up_with_a_body_that_moved_on_before_they_are_shown(self, make):
+        """They were put on one pose; no part of the way to where the body is now is left out."""
+        stepper = make(catch_up=0.05)
+        self.feed(stepper, 0, 0.0)
+        stepper.advance(0)
+        assert stepper.is_behind
+        stepper.moves.clear()
+        now = 50
+        while stepper.is_behind:
+            self.feed(stepper, now * STEP, now / 1000)
+            stepper.advance(now * STEP)
+            now += 2
+        assert stepper.skipped == 0
+        assert stepper.time == (now - 2) * STEP
+        expected = [(k / 1000, (k + 1) / 1000) for k in range(now - 2)]
+        np.testing.assert_allclose(stepper.moves, expected, atol=1e-12)
+
+    def test_a_machine_that_cannot_catch_up_passes_time_over(self, make):
+        stepper = make(catch_up=0.05)
+        self.feed(stepper, 0, 0.0)
+        stepper.advance(0)
+        frames = 0
+        while stepper.is_behind:
+            frames += 1
+            self.feed(stepper, frames * 50 * STEP, frames * 0.001)
+            stepper.advance(frames * 50 * STEP)
+        assert frames == 30
+        assert stepper.skipped > 0
+        assert stepper.time == frames * 50 * STEP
+
+    def test_garments_on_a_body_that_stands_still_are_shown_at_once(self, make):
+        stepper = make(delay=0.02)
+        self.feed(stepper, 0, 0.0)
+        stepper.advance(0)
+        stepper.advance(-2 * STEP)
+        assert not stepper.is_behind
 
     def test_with_every_message_kept_a_jump_is_one_from_the_start(self, make):
         stepper = make()
