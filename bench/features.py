@@ -40,7 +40,6 @@ class Row:
 
     garments: Garments
     environment: Environment = dataclasses.field(default_factory=Environment)
-    contact_points: str = "particles"
 
 
 def rows(worn: Garments) -> dict[str, Row]:
@@ -75,8 +74,6 @@ def rows(worn: Garments) -> dict[str, Row]:
         "backstop 0.02 m": everywhere("backstop", 0.02),
         "tethers": each(tethers=0.02),
         "self-collision 5 mm": each(self_collision=0.005),
-        "contact points on edges": Row(plain, contact_points="edges"),
-        "contact points on both": Row(plain, contact_points="both"),
         "wind on triangles": Row(plain, breeze),
         "gusts": Row(plain, dataclasses.replace(breeze, gust=1.0)),
         "root motion taken out": Row(
@@ -93,7 +90,6 @@ def made(row: Row, colliders: ColliderSet, solver: str) -> tuple[Simulation, flo
         colliders,
         environment=row.environment,
         solver=solver,
-        settings=SOLVERS[solver].settings(contact_points=row.contact_points),
     )
     size = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()

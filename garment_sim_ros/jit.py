@@ -27,8 +27,6 @@ import numba
 from numba import njit
 from numba.core.dispatcher import Dispatcher
 
-from garment_sim_ros.errors import ParameterError
-
 _FAST_FLAGS = {"reassoc", "contract", "arcp", "nsz", "afn"}
 _VERSIONS_KEPT = 4
 
@@ -71,16 +69,8 @@ lean_kernel = partial(kernel, _nrt=False)
 """The same for small functions that are handed many arrays, millions of times a second: they do
 not count references to arrays, which takes longer than what they do, and so cannot make any."""
 
-parallel_kernel = partial(kernel, parallel=True)
-"""The same with loops of `numba.prange` shared by threads, see `use_threads`. What such a loop
-does must not depend on its order; the bits are then the same on any number of threads."""
-
 exact_kernel = partial(njit, cache=True, nogil=True, error_model="numpy", fastmath=False)
 """Decorator factory where IEEE order of operations matters: geometric predicates, hashing."""
-
-if numba.config.THREADING_LAYER == "default":  # type: ignore[attr-defined]
-    # Two Python threads may call parallel kernels at once: not every layer allows that.
-    numba.config.THREADING_LAYER = "threadsafe"  # type: ignore[attr-defined]
 
 
 def compiled(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
@@ -95,20 +85,3 @@ def compiled(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any
     function.compile(types)
     machine: Any = function.overloads[types]
     return machine.entry_point
-
-
-def usable_threads(threads: int) -> int:
-    """How many of so many threads parallel kernels use: no more than there are cores to run on."""
-    return min(threads, int(numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
-
-
-def use_threads(threads: int) -> None:
-    """Lets the parallel kernels that this thread calls run on so many threads, if usable.
-
-    Raises:
-        ParameterError: Neither OpenMP nor TBB is installed.
-    """
-    try:
-        numba.set_num_threads(usable_threads(threads))
-    except ValueError as error:
-        raise ParameterError("threads", f"found {threads}, but {error}", "allowed: 1") from error

@@ -115,21 +115,7 @@ class Environment:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class _ContactPoints:
-    contact_points: str = parameter(
-        "particles",
-        "What meets colliders beside particles: edges, triangles or both, at their middles.",
-        choices=("particles", "edges", "triangles", "both"),
-    )
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class _Sweeps(_ContactPoints):
-    threads: int = parameter(1, "Threads that share big garments' sweeps.", minimum=1, maximum=8)
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class RelaxationSettings(_Sweeps):
+class RelaxationSettings:
     """Numerical parameters of the `relaxation` solver."""
 
     sweeps: int = parameter(3, "Sweeps of spring correction per step.", minimum=1, maximum=1000)
@@ -390,7 +376,7 @@ class ClothNodeParameters:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class XpbdSettings(_Sweeps):
+class XpbdSettings:
     """Numerical parameters of the `xpbd` solver."""
 
     sub_step: float = parameter(
@@ -411,7 +397,7 @@ class XpbdSettings(_Sweeps):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class ImplicitSettings(_ContactPoints):
+class ImplicitSettings:
     """Numerical parameters of the `implicit` solver."""
 
     sub_step: float = parameter(

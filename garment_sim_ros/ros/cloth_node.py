@@ -97,7 +97,6 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             p.solver,
             self_collision=any(entry.self_collision for entry in file.garments),
             environment=self._environment.values,
-            threads=getattr(self._settings.values, "threads", 1),
         )
         with reporting(self.get_logger().info, "compile, or load what is compiled"):
             compiled(

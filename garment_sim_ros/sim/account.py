@@ -5,8 +5,6 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER
-from garment_sim_ros.geometry.locality import SPLIT_FROM
-from garment_sim_ros.jit import usable_threads
 from garment_sim_ros.sim.simulation import Simulation
 
 
@@ -66,7 +64,6 @@ def account(simulation: Simulation) -> dict[str, Any]:
             any(simulation.own_distance(name) for name in simulation.names),
             "no garment has self_collision",
         ),
-        "sweeps on several threads": _threads(simulation),
     }
     return {
         "solver": simulation.solver,
@@ -83,19 +80,6 @@ def account(simulation: Simulation) -> dict[str, Any]:
         ],
         "garments": {name: _garment(simulation, name) for name in simulation.names},
     }
-
-
-def _threads(simulation: Simulation) -> str:
-    """How many threads share the sweeps of which garments, or why none do."""
-    asked = getattr(simulation.parameters.settings, "threads", 0)
-    large = [name for name in simulation.names if simulation.model(name).parts > 1]
-    if not asked:
-        return f"no: the solver {simulation.solver} has none to share"
-    if not large:
-        return f"no: no garment has {SPLIT_FROM} free vertices"
-    if usable_threads(asked) == 1:
-        return f"no: threads is {asked}, usable are {usable_threads(64)}"
-    return f"{usable_threads(asked)} for {', '.join(large)}"
 
 
 def _unless(wanted: bool, reason: str) -> str:

@@ -1,7 +1,6 @@
 """What stays constant while a garment is simulated."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.colouring import order_by_colour
-from garment_sim_ros.geometry.locality import order_by_part, part_starts, spatial_order
+from garment_sim_ros.geometry.locality import spatial_order
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import Environment, Material
 
@@ -33,8 +32,6 @@ class Springs:
         share: Part of a correction that the first end takes, w0 / (w0 + w1), shape [m].
         colour_start: Where each colour starts, shape [colours + 1].
         bending: The first so many springs resist bending, the others stretch and shear.
-        part_start: Where the springs within each part of the particles start, then those between
-            parts, of bending springs and of the others, shape [2, parts + 2].
     """
 
     particles: IndexArray
@@ -42,7 +39,6 @@ class Springs:
     share: SingleArray
     colour_start: IntArray
     bending: int
-    part_start: IntArray
 
     def __len__(self) -> int:
         return len(self.rest_length)
@@ -96,11 +92,6 @@ class ClothModel:
         """The mesh's triangles as particles, shape [t, 3]."""
         return self.particle[self.triangles]
 
-    @property
-    def parts(self) -> int:
-        """Number of parts that threads can work on at once."""
-        return self.springs.part_start.shape[1] - 2
-
 
 @dataclass(frozen=True, kw_only=True)
 class Parameters:
@@ -135,20 +126,15 @@ def _springs(vertices: FloatArray, triangles: IntArray, weight: FloatArray) -> S
     """Springs of a mesh whose vertices are already in the order of the particles.
 
     Bending springs come first in a sweep: the correction done last holds best, and stretch shows
-    more than bending. A large mesh has several parts, see `geometry.locality.part_starts`.
+    more than bending.
     """
     topology = mesh_topology(triangles)
-    parts = part_starts(int(np.count_nonzero(weight)))
-    pairs, colour_start, part_start = [], [0], []
+    pairs, colour_start = [], [0]
     for kind in (topology.opposite, topology.edges):
         movable = kind[weight[kind].sum(axis=1) > 0.0]
-        by_part, start = order_by_part(movable, parts)
-        part_start.append(start + colour_start[-1])
-        for begin, end in pairwise(start):
-            run = movable[by_part[begin:end]]
-            order, colours = order_by_colour(run)
-            pairs.append(run[order])
-            colour_start += (colours[1:] + colour_start[-1]).tolist()
+        order, colours = order_by_colour(movable)
+        pairs.append(movable[order])
+        colour_start += (colours[1:] + colour_start[-1]).tolist()
     springs = np.concatenate(pairs)
     w = weight[springs]
     return Springs(
@@ -158,8 +144,7 @@ def _springs(vertices: FloatArray, triangles: IntArray, weight: FloatArray) -> S
         ),
         share=_frozen(w[:, 0] / w.sum(axis=1), np.float32),
         colour_start=_frozen(np.array(colour_start), np.int32),
-        bending=int(part_start[1][0]),
-        part_start=_frozen(np.array(part_start), np.int32),
+        bending=len(pairs[0]),
     )
 
 

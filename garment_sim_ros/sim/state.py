@@ -23,7 +23,6 @@ from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.contact.sweep import Sweep
 from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.model import ClothModel
-from garment_sim_ros.sim.sample_points import SamplePoints
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
@@ -70,8 +69,6 @@ class Workspace:
         attached: Tethers and soft attachments.
         limited: Whether limits act after each sub-step, see `constraint.Constraint.within`.
         earliest: Scratch of contact by the earliest hit; None until a step needs it.
-        points: Points between the particles that meet shapes, too; None unless asked for.
-        points_at: Where those are.
         limits: What the solver does not take as the material has it, in words.
         motion: Sum of squared speeds and highest squared speed after the last step [m^2/s^2],
             shape [2]; not finite as soon as any velocity is.
@@ -87,16 +84,7 @@ class Workspace:
     attached: Attached
     limited: bool = False
     earliest: EarliestContact | None = None
-    points: SamplePoints | None = None
-    points_at: str = "particles"
     limits: tuple[str, ...] = ()
-
-    def contact_points(self, model: ClothModel, at: str) -> SamplePoints | None:
-        """The points between particles that settings ask for, made when first asked for."""
-        if at != self.points_at:
-            self.points_at = at
-            self.points = None if at == "particles" else SamplePoints.of(model, self.sides, at)
-        return self.points
 
     @classmethod
     def room_for(cls, model: ClothModel, shapes: int) -> "Workspace":

@@ -1,6 +1,5 @@
 """Compiling before the first step instead of in it."""
 
-import math
 from collections.abc import Collection
 from types import SimpleNamespace
 from typing import Any
@@ -8,11 +7,9 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
-from garment_sim_ros.geometry.locality import SPLIT_FROM
 from garment_sim_ros.geometry.sheet import sheet
 from garment_sim_ros.params import Environment, Material
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.solvers import SOLVERS
 
 _CORNERS = 0.1 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 _FACES = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
@@ -41,7 +38,6 @@ def warm_up(
     layers: bool = False,
     self_collision: bool = False,
     environment: Environment | None = None,
-    threads: int = 1,
 ) -> None:
     """Compiles, or loads from the cache, all that a `Simulation` with this solver runs.
 
@@ -52,7 +48,6 @@ def warm_up(
         layers: Whether garments are worn over others.
         self_collision: Whether garments are kept from passing through themselves.
         environment: Outer forces: wind on triangles is compiled where there is any.
-        threads: Threads that share sweeps; the code of several is only compiled for more than one.
 
     Raises:
         ParameterError: An environment that cannot be.
@@ -82,11 +77,6 @@ def warm_up(
     far = ColliderPoses(position=poses.position + 2.0, orientation=poses.orientation)
     simulation.advance(far, far)
     simulation.normals("scrap")
-    if threads > 1:
-        settings = SOLVERS[solver].settings(threads=threads)
-        large: Any = _sheet(math.isqrt(SPLIT_FROM) + 2)
-        shared = Simulation((large,), colliders, solver=solver, settings=settings)
-        shared.advance(poses, poses)
 
 
 def _sheet(side: int, **asked: object) -> SimpleNamespace:

@@ -152,7 +152,7 @@ class Worn:
         self.health.held = held
         if self.letting_go is not None:
             thickness = max(self.model.material.thickness, colliders.thickness)
-            self.letting_go.look(self.state, colliders, thickness, self.workspace.points)
+            self.letting_go.look(self.state, colliders, thickness)
         if held:
             self.measure()
 

@@ -1,10 +1,10 @@
 """Rules of contact again, in float64 and one particle at a time; nothing but tests runs this.
 
-`contact.sweep.sweep`, `contact.pinch.stay_between`, `sample_points.meet_between` and
-`solvers.xpbd.planes`. Shapes are spheres and capsules, see `naive.signed_distance`.
+`contact.sweep.sweep`, `contact.pinch.stay_between` and `solvers.xpbd.planes`. Shapes are spheres
+and capsules, see `naive.signed_distance`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,6 @@ from naive.naive import Shape, signed_distance
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
-Meeting = tuple[FloatArray, IntArray, FloatArray]
-"""Positions of points after contact [s, 3], the shape that each touches or -1 [s], and normals."""
 
 
 def ridden(carry: FloatArray, place: FloatArray) -> FloatArray:
@@ -130,44 +128,6 @@ def stay_between(
         if abs(s) + abs(t) < rounding:
             break
     return at, True
-
-
-def meet_between(
-    x: FloatArray,
-    corner: IntArray,
-    weight: FloatArray,
-    inverse_mass: FloatArray,
-    touched: IntArray,
-    depth: FloatArray,
-    meet: Callable[[FloatArray], Meeting],
-) -> None:
-    """Points between particles meet shapes; changes x [n, 3], and contacts that were none.
-
-    Args:
-        x: Positions [m], shape [n, 3].
-        corner: Particles that each point lies between, shape [s, 3].
-        weight: Their weights there, shape [s, 3].
-        inverse_mass: 0 for what is pinned, shape [n].
-        touched: Shape that each particle touches, -1 for none, shape [n].
-        depth: How deep each was [m], shape [n].
-        meet: What contact makes of the points' positions.
-    """
-    end, found, normal = meet(np.einsum("sk,ski->si", weight, x[corner]))
-    for s in np.flatnonzero(np.asarray(found) >= 0):
-        part: dict[int, float] = {}
-        for i, w in zip(corner[s].tolist(), weight[s].tolist()):
-            part[i] = part.get(i, 0.0) + w
-        way = end[s] - sum(w * x[i] for i, w in part.items())
-        if way @ normal[s] <= 0.0:
-            continue
-        lever = sum(w * w * inverse_mass[i] for i, w in part.items())
-        for i, w in part.items():
-            share = w * inverse_mass[i] / lever
-            if inverse_mass[i] > 0.0:
-                x[i] += share * way
-                if touched[i] < 0:
-                    touched[i] = found[s]
-                    depth[i] = share * way @ normal[s]
 
 
 def held_back(slip: FloatArray, most: float) -> FloatArray:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.contact.sides import LET_GO, PASSING, UNDER
+from garment_sim_ros.contact.sides import LET_GO, PASSING
 from naive.naive import Shape, signed_distance
 
 FloatArray = NDArray[np.float64]
@@ -97,13 +97,3 @@ def let_go(
         ):
             after[passes, p] = PASSING
     return after
-
-
-def sides_between(side: NDArray[np.int8], corner: IntArray) -> NDArray[np.int8]:
-    """Sides of shapes for points between particles, shape [m, s]; pins have all under them."""
-    points = np.full((len(side), len(corner)), UNDER, np.int8)
-    for s, corners in enumerate(corner.tolist()):
-        for i in corners:
-            if i < side.shape[1]:
-                points[:, s] = np.maximum(points[:, s], side[:, i])
-    return points

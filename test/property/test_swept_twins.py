@@ -1,23 +1,17 @@
 """Swept contact, and what shapes do to cloth between and beside searches, against naive twins."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive import naive_contact
 
-from garment_sim_ros.contact.collide import Contacts, collide
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
 from garment_sim_ros.contact.pinch import stay_between
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
-from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER, Sides
+from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER
 from garment_sim_ros.contact.sweep import Sweep, sweep
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
-from garment_sim_ros.params import Material
-from garment_sim_ros.sim.model import build_model
-from garment_sim_ros.sim.sample_points import SamplePoints, meet_between
 from garment_sim_ros.sim.solvers.xpbd.planes import (
     remember_planes,
     return_to_planes,
@@ -144,68 +138,6 @@ def test_pinches(seed, count):
         off.append(np.abs(np.array(place) - expected).max() + (is_held != expected_held))
     # Which of two shapes is nearest may be a matter of rounding.
     assert (np.array(off) > 1e-4).sum() <= 1
-
-
-def met(scene, points, x_start, x_coast, friction, x_points):
-    """What the kernels of contact, which have twins of their own, make of points' positions."""
-    x = x_points.astype(np.float32)
-    before, coast = (
-        np.einsum("sk,ski->si", points.weight, a[points.corner]).astype(np.float32)
-        for a in (x_start, x_coast)
-    )
-    found = Contacts.room_for(len(x), len(scene.shapes))
-    packed, posed, thickness = scene.packed, scene.posed, np.float32(THICKNESS)
-    sweep(packed, posed, points.sides.side, scene.way, x, before, coast, thickness)
-    collide(packed, posed, points.sides, x, before, thickness, friction, found)
-    return x.astype(np.float64), found.shape, found.normal.astype(np.float64)
-
-
-@pytest.mark.parametrize("where", ["edges", "triangles", "both"])
-@pytest.mark.parametrize("friction", [0.0, 0.5])
-def test_points_between_particles(cloth, where, friction):
-    """Coarse cloth over spheres and capsules, pins among its corners, some shapes passing."""
-    touched = 0
-    for seed in range(6):
-        rng = np.random.default_rng(seed)
-        scene = Scene(rng, 4, 0.02, 0.1)
-        rest, triangles = cloth.grid(7, 6, 0.06)
-        pins = rng.choice(len(rest), 8, replace=False)
-        model = build_model(
-            *("cloth", rest, triangles, Material()),
-            pins=pins,
-            pin_collider=np.zeros(8, int),
-            pin_position=rest[pins],
-        )
-        free, n = model.free_count, len(model)
-        x = (model.rest + 0.01 * rng.normal(size=(n, 3))).astype(np.float32)
-        x_start = (x + 0.01 * rng.normal(size=(n, 3))).astype(np.float32)
-        x_coast = (x_start + 0.03 * rng.normal(size=(n, 3))).astype(np.float32)
-        sides = Sides.of(np.zeros(free, np.int32), rng.choice([UNDER, UNDER, PASSING], (1, 4)))
-        points = SamplePoints.of(model, sides, where)
-        contacts = Contacts.room_for(free, 4)
-        contacts.shape[:] = np.where(rng.random(free) < 0.2, 2, -1)
-
-        exact, shape = x.astype(np.float64), contacts.shape.copy()
-        naive_shape = np.append(shape, np.full(n - free, 9, np.int32))
-        naive_depth = np.zeros(n)
-        naive_contact.meet_between(
-            *(exact, points.corner, points.weight, model.inverse_mass),
-            *(naive_shape, naive_depth, partial(met, scene, points, x_start, x_coast, friction)),
-        )
-        before = x.copy()
-        meet_between(
-            *(scene.packed, scene.posed, points, x, x_start, scene.posed, x_start, x_coast),
-            *(scene.way, np.float32(THICKNESS), np.float32(friction), contacts),
-        )
-        # Rounding of a point's place, through contact.
-        np.testing.assert_allclose(x, exact, atol=1e-5)
-        new = (shape < 0) & (naive_depth[:free] > 1e-6) & (contacts.depth > 1e-6)
-        assert new.sum() >= ((naive_shape[:free] != shape) & (naive_depth[:free] > 1e-6)).sum() - 1
-        assert (contacts.shape == naive_shape[:free])[new].all()
-        np.testing.assert_allclose(contacts.depth[new], naive_depth[:free][new], atol=1e-5)
-        assert (x[free:] == before[free:]).all()
-        touched += int((x != before).any(axis=1).sum())
-    assert touched > 20
 
 
 def contact_arrays(rng, n, m):

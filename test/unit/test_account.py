@@ -43,7 +43,7 @@ def test_what_a_scene_asks_for_is_modelled(cloth):
     assert effects(found, "leaves_out") == {
         *("cloth against itself", "all of the body's own motion"),
         *("a farthest distance from skin", "a farthest distance behind skin"),
-        *("tethers to pins", "soft attachments", "sweeps on several threads"),
+        *("tethers to pins", "soft attachments"),
     }
     assert "contact on 1 sphere colliders" in found["models"]
 

@@ -6,14 +6,11 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from unittest.mock import patch
 
 import numpy as np
 import pytest
 
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses
-from garment_sim_ros.geometry import locality
-from garment_sim_ros.sim import solvers
 from garment_sim_ros.sim.simulation import Simulation
 
 SOLVERS = ("relaxation", "xpbd")
@@ -74,22 +71,6 @@ def digest_of_layers(cloth, solver):
     return hashed_motion(simulation, 30)
 
 
-def digest_of_parts(cloth, solver):
-    """The same of a cloth whose sweeps two threads share."""
-    garment = cloth.garment(*cloth.grid(20, 20), pins=range(20), friction=0.3)
-    colliders = cloth.colliders(
-        *(
-            Collider(name=name, kind="sphere", bone="bone", geometry={"radius": 0.1})
-            for name in "ab"
-        )
-    )
-    settings = solvers.SOLVERS[solver].settings(threads=2)
-    with patch.object(locality, "SPLIT_FROM", 300):
-        simulation = Simulation((garment,), colliders, solver=solver, settings=settings)
-    assert simulation.model("cloth").parts > 1
-    return hashed_motion(simulation, 60)
-
-
 def hashed_motion(simulation, frames):
     start = ColliderPoses.identity(3)
     start.position[1:, 2] = -0.15
@@ -126,12 +107,6 @@ def digests_elsewhere(solvers, name="digest", **environment):
 def test_the_same_bits_in_another_process(cloth):
     """Also where this one has compiled the kernels, which the other one loads."""
     assert digests_elsewhere(SOLVERS) == [digest(cloth, solver) for solver in SOLVERS]
-
-
-def test_threads_give_the_same_bits_in_another_process(cloth):
-    once = digest_of_parts(cloth, "relaxation")
-    assert digests_elsewhere(["relaxation"], "digest_of_parts") == [once]
-    assert digest_of_parts(cloth, "relaxation") == once
 
 
 @pytest.mark.slow

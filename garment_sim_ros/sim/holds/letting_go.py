@@ -11,7 +11,6 @@ from garment_sim_ros.contact.distance import shape_distance
 from garment_sim_ros.contact.sides import LET_GO, PASSING, Sides
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.sim.model import ClothModel
-from garment_sim_ros.sim.sample_points import SamplePoints
 from garment_sim_ros.sim.state import ColliderState, State
 
 _BEARS = 0.5
@@ -41,18 +40,15 @@ class LettingGo:
         """How many particles are let go of."""
         return int(np.count_nonzero(self._gone))
 
-    def look(
-        self, state: State, colliders: ColliderState, thickness: float, points: SamplePoints | None
-    ) -> None:
+    def look(self, state: State, colliders: ColliderState, thickness: float) -> None:
         """Lets go of what is overstretched, and is there again for what is clear.
 
         Args:
             state: Motion of the garment.
             colliders: The colliders as they were posed last.
             thickness: Distance to keep from surfaces [m].
-            points: Points between the particles that meet shapes, too; None for none.
         """
-        changed = _look(
+        _look(
             state.x,
             self._particles,
             self._longest,
@@ -64,8 +60,6 @@ class LettingGo:
             self._strained,
             self._gone,
         )
-        if changed and points is not None:
-            points.follow(self._side)
 
     def forget(self) -> None:
         """The garment was put elsewhere: nothing is let go of."""
@@ -75,7 +69,7 @@ class LettingGo:
 
 @kernel()
 def _look(x, particles, longest, shapes, posed, side, passing, thickness, strained, gone):
-    """See `LettingGo.look`; returns how many particles changed.
+    """See `LettingGo.look`.
 
     Args:
         x: Positions [m], shape [n, 3].
@@ -96,7 +90,6 @@ def _look(x, particles, longest, shapes, posed, side, passing, thickness, strain
         if dx * dx + dy * dy + dz * dz > longest[e]:
             strained[i] = True
             strained[j] = True
-    changed = 0
     for p in range(gone.size):
         if strained[p] == gone[p]:
             continue
@@ -108,8 +101,6 @@ def _look(x, particles, longest, shapes, posed, side, passing, thickness, strain
             if not clear:
                 continue
         gone[p] = strained[p]
-        changed += 1
         for k in passing:
             if side[k, p] == PASSING or side[k, p] == LET_GO:
                 side[k, p] = LET_GO if gone[p] else PASSING
-    return changed

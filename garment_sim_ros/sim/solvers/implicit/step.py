@@ -26,7 +26,6 @@ from garment_sim_ros.sim.elasticity import GRAVITY
 from garment_sim_ros.sim.holds.tether_kernels import pull_tethers
 from garment_sim_ros.sim.layers.kernels import measure_motion
 from garment_sim_ros.sim.model import ClothModel, Parameters
-from garment_sim_ros.sim.sample_points import meet_between
 from garment_sim_ros.sim.solvers.implicit.descent import begin_sub_step, find_positions, keep_up
 from garment_sim_ros.sim.solvers.implicit.ties import begin_ties
 from garment_sim_ros.sim.solvers.implicit.velocities import new_velocities
@@ -98,7 +97,6 @@ def step(
     drag = material.air_drag / material.areal_density
     rate = material.damping + drag
     ties = workspace.prepare(model, h, rate)
-    points = workspace.contact_points(model, settings.contact_points)
     thickness = max(material.thickness, colliders.thickness)
     lift = workspace.lift
     # Who is taken along to a speed u in one sub-step, with 19 others (`_WEIGHTS`), gives
@@ -168,21 +166,6 @@ def step(
                 0.0,
                 workspace.contacts,
             )
-            if points is not None:
-                meet_between(
-                    colliders.shapes,
-                    colliders.posed,
-                    points,
-                    clear,
-                    x_start,
-                    colliders.posed,
-                    x_start,
-                    workspace.coast,
-                    colliders.sweep,
-                    np.float32(thickness + lift),
-                    np.float32(0.0),
-                    workspace.contacts,
-                )
             find_positions(
                 state.x,
                 free,

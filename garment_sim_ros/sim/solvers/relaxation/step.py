@@ -9,12 +9,9 @@ import numpy as np
 from garment_sim_ros.contact.collide import collide
 from garment_sim_ros.contact.papers.earliest.contact import EarliestContact
 from garment_sim_ros.contact.sweep import sweep
-from garment_sim_ros.jit import use_threads
 from garment_sim_ros.sim.layers.kernels import measure_motion
 from garment_sim_ros.sim.model import ClothModel, Parameters
 from garment_sim_ros.sim.motion import carry_pins, predict, update_velocities
-from garment_sim_ros.sim.sample_points import meet_between
-from garment_sim_ros.sim.solvers.in_parts import correct_springs_in_parts
 from garment_sim_ros.sim.solvers.relaxation.springs import correct_springs
 from garment_sim_ros.sim.state import ColliderState, State, Workspace
 
@@ -53,9 +50,6 @@ def step(
         workspace.push[k] = keep * dt * pull
     predict(x, v, x_start, x_predicted, workspace.push, np.float32(keep), h)
 
-    points = workspace.contact_points(model, params.settings.contact_points)
-    if points is not None:
-        workspace.x_start[free:] = state.x[free:]
     carry_pins(
         state.x[free:],
         state.v[free:],
@@ -66,16 +60,10 @@ def step(
         colliders.origin,
         h,
     )
-    if points is not None:
-        workspace.x_predicted[free:] = state.x[free:]
 
     springs, settings = model.springs, params.settings
     arrays = (state.x.reshape(-1), springs.particles, springs.rest_length, springs.share)
-    if settings.threads > 1 and model.parts > 1:
-        use_threads(settings.threads)
-        correct_springs_in_parts(*arrays, springs.part_start, settings.sweeps)
-    else:
-        correct_springs(*arrays, settings.sweeps)
+    correct_springs(*arrays, settings.sweeps)
     if workspace.attached.is_anything:
         workspace.attached.pull(
             *(state.x, state.v, workspace.x_start, colliders.end, colliders.origin),
@@ -132,21 +120,6 @@ def step(
             material.friction,
             contacts,
         )
-        if points is not None:
-            meet_between(
-                colliders.shapes,
-                colliders.posed,
-                points,
-                state.x,
-                workspace.x_start,
-                colliders.posed,
-                workspace.x_start,
-                workspace.x_predicted,
-                colliders.sweep,
-                np.float32(thickness),
-                np.float32(material.friction),
-                contacts,
-            )
     update_velocities(
         x,
         v,

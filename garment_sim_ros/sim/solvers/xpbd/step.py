@@ -14,7 +14,7 @@ import numpy as np
 
 from garment_sim_ros.contact.packed import PosedShapes
 from garment_sim_ros.contact.shapes import ColliderPoses
-from garment_sim_ros.jit import compiled, use_threads
+from garment_sim_ros.jit import compiled
 from garment_sim_ros.params import XpbdSettings
 from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.model import ClothModel, Parameters
@@ -53,9 +53,8 @@ def step(
     """
     assert isinstance(workspace, XpbdWorkspace)
     count, search_every = _sub_steps(workspace, params, dt)
-    shared = _shares(model, params)
-    given = _given(model, colliders, params, state, workspace, dt, count, search_every, shared)
-    advance = _machine_code(workspace, shared, given, count)
+    given = _given(model, colliders, params, state, workspace, dt, count, search_every)
+    advance = _machine_code(workspace, given, count)
     workspace.contact_count = advance(*given, 0, count)
 
 
@@ -83,13 +82,11 @@ def step_layers(
     count, search_every = max(_sub_steps(w, params, dt) for _, _, w in garments)
     given = []
     for model, state, workspace in garments:
-        shared = _shares(model, params)
-        given.append(
-            _given(model, colliders, params, state, workspace, dt, count, search_every, shared)
-        )
-        _machine_code(workspace, shared, given[-1], count)
+        given.append(_given(model, colliders, params, state, workspace, dt, count, search_every))
+        _machine_code(workspace, given[-1], count)
     for s in range(count):
         for (_, _, workspace), g in zip(garments, given, strict=True):
+            assert workspace.code is not None
             workspace.contact_count = workspace.code(*g, s, s + 1)
         for pair in pairs:
             if s % search_every == 0:
@@ -113,24 +110,12 @@ def _sub_steps(workspace: Workspace, params: Parameters, dt: float) -> tuple[int
     return passes * search_every, search_every
 
 
-def _shares(model: ClothModel, params: Parameters) -> bool:
-    """Whether threads share the sweeps over a garment; sets their number if so."""
-    assert isinstance(params.settings, XpbdSettings)
-    threads = params.settings.threads
-    if threads == 1 or model.parts == 1:
-        return False
-    use_threads(threads)
-    return True
-
-
 def _machine_code(
-    workspace: XpbdWorkspace, shared: bool, given: tuple[Any, ...], count: int
+    workspace: XpbdWorkspace, given: tuple[Any, ...], count: int
 ) -> Callable[..., int]:
     """`run_sub_steps` for what is given, whose types take longer to look at than the call."""
-    types = (shared, workspace.points is None)
-    if types != workspace.code_for:
+    if workspace.code is None:
         workspace.code = compiled(run_sub_steps, *given, 0, count)
-        workspace.code_for = types
     return workspace.code
 
 
@@ -143,7 +128,6 @@ def _given(
     dt: float,
     count: int,
     search_every: int,
-    shared: bool,
 ) -> tuple[Any, ...]:
     """What `run_sub_steps` needs for `count` sub-steps in dt [s]."""
     h = dt / count
@@ -178,7 +162,6 @@ def _given(
         workspace.low,
         workspace.prepared,
         workspace.coarse,
-        workspace.parts if shared else None,
         workspace.attached,
         model.pin_collider,
         model.pin_position,
@@ -193,7 +176,6 @@ def _given(
         colliders.sweep,
         workspace.sides,
         workspace.contacts,
-        workspace.contact_points(model, settings.contact_points),
         workspace.place,
         workspace.ride,
         np.float32(max(material.thickness, colliders.thickness)),

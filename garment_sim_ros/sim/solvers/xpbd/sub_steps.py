@@ -9,12 +9,6 @@ from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.sim.holds.tether_kernels import pull_attached
 from garment_sim_ros.sim.motion import carry_pins, glide
-from garment_sim_ros.sim.sample_points import meet_between
-from garment_sim_ros.sim.solvers.in_parts import (
-    bend_in_parts,
-    solve_edges_apart_in_parts,
-    solve_edges_in_parts,
-)
 from garment_sim_ros.sim.solvers.xpbd.coarse_kernels import pull_cells
 from garment_sim_ros.sim.solvers.xpbd.edges import solve_edges, solve_edges_apart
 from garment_sim_ros.sim.solvers.xpbd.hinges import bend
@@ -56,7 +50,6 @@ def run_sub_steps(
     low,
     cloth,
     coarse,
-    parts,
     attached,
     pin_collider,
     pin_position,
@@ -71,7 +64,6 @@ def run_sub_steps(
     way,
     sides,
     contacts,
-    points,
     place,
     ride,
     thickness,
@@ -102,7 +94,6 @@ def run_sub_steps(
         low: What positions are short of by rounding [m], shape [3 free].
         cloth: `solvers.xpbd.step.Prepared` edges and hinges.
         coarse: `solvers.xpbd.coarse.CoarseLevel` of them.
-        parts: `solvers.xpbd.step.Parts` of them for several threads; None for one thread.
         attached: `attached.Attached`.
         pin_collider: Collider that each pin rides on, shape [p].
         pin_position: Its place in that collider's frame [m], shape [p, 3].
@@ -120,7 +111,6 @@ def run_sub_steps(
         way: See `contact.sweep.Sweep`.
         sides: Which shapes are on the outer side of which particle.
         contacts: Contacts of the last search.
-        points: Points between particles that meet shapes, too; None for none.
         place: Scratch: points of tangent planes [m], shape [free, 3].
         ride: Scratch: their motion in a sub-step [m], shape [free, 3].
         thickness: Distance to keep from surfaces [m].
@@ -198,17 +188,7 @@ def run_sub_steps(
             # the cloth quiver against its edges.
             x_predicted[:] = v
             between_bends = dt * np.float32(bending_every)
-            if parts is None:
-                bend(x, x_predicted, cloth.hinge_particles, cloth.hinges, between_bends)
-            else:
-                bend_in_parts(
-                    x,
-                    x_predicted,
-                    cloth.hinge_particles,
-                    cloth.hinges,
-                    between_bends,
-                    parts.hinges,
-                )
+            bend(x, x_predicted, cloth.hinge_particles, cloth.hinges, between_bends)
             share_out(
                 x_predicted.reshape(-1)[:loose],
                 v.reshape(-1)[:loose],
@@ -238,17 +218,12 @@ def run_sub_steps(
                 keep,
                 dt,
             )
-        if points is not None:
-            x_start[free:] = x[free:]
         carry_pins(
             x[free:], v[free:], pin_collider, pin_position, to_position, to_orientation, origin, dt
         )
         pull_cells(flat, flat if hurried else moved, not hurried, coarse)
         if hurried:
-            if parts is None:
-                solve_edges(flat, cloth.edge_particles, cloth.edges)
-            else:
-                solve_edges_in_parts(flat, cloth.edge_particles, cloth.edges, parts.edges)
+            solve_edges(flat, cloth.edge_particles, cloth.edges)
             gain(
                 flat[:loose],
                 v.reshape(-1)[:loose],
@@ -260,12 +235,7 @@ def run_sub_steps(
             for _ in range(iterations):
                 alone = iterations == 1
                 edges, pulls = cloth.edges, cloth.pull
-                if parts is None:
-                    solve_edges_apart(flat, moved, cloth.edge_particles, edges, pulls, alone)
-                else:
-                    solve_edges_apart_in_parts(
-                        flat, moved, cloth.edge_particles, edges, pulls, alone, parts.edges
-                    )
+                solve_edges_apart(flat, moved, cloth.edge_particles, edges, pulls, alone)
             arrive(
                 flat[:loose],
                 v.reshape(-1)[:loose],
@@ -329,21 +299,6 @@ def run_sub_steps(
         flags[_TOUCHING] = collide_particles(
             shapes, posed, sides, x[:free], x_start[:free], thickness, friction, contacts
         )
-        if points is not None:
-            meet_between(
-                shapes,
-                posed,
-                points,
-                x,
-                x_start,
-                since,
-                x_search,
-                x_coast,
-                way,
-                thickness,
-                friction,
-                contacts,
-            )
         stop_at_contacts(
             x[:free],
             v[:free],

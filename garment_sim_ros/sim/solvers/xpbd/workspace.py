@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.geometry.locality import order_by_part, part_starts
 from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.solvers.xpbd.coarse import (
@@ -19,7 +18,6 @@ from garment_sim_ros.sim.solvers.xpbd.coarse import (
 from garment_sim_ros.sim.solvers.xpbd.edges import prepare_edges
 from garment_sim_ros.sim.solvers.xpbd.hinges import prepare_hinges
 from garment_sim_ros.sim.solvers.xpbd.order import inward_order
-from garment_sim_ros.sim.solvers.xpbd.sub_steps import run_sub_steps
 from garment_sim_ros.sim.state import Workspace
 
 FloatArray = NDArray[np.float64]
@@ -49,18 +47,6 @@ class Prepared(NamedTuple):
     hinges: SingleArray
 
 
-class Parts(NamedTuple):
-    """Where `Prepared` edges and hinges of each part of a large garment start.
-
-    Attributes:
-        edges: Those within each part, then those between parts, shape [parts + 2].
-        hinges: The same.
-    """
-
-    edges: IntArray
-    hinges: IntArray
-
-
 @dataclass(kw_only=True)
 class XpbdWorkspace(Workspace):
     """Scratch arrays, and what the material makes of the mesh.
@@ -75,7 +61,6 @@ class XpbdWorkspace(Workspace):
         prepared: What the sub-steps need, for one length of them.
         coarse: A coarse level of the edges, for the same, where it is asked for.
         threads: What it is made of; None where there is none.
-        parts: What of it threads can share.
         prepared_for: That length [s], the rate of damping [1/s], the sub-steps for each search for
             contacts, whether there is a coarse level, and the sub-steps of a step.
         bending_every: Sub-steps for each pass over the hinges, see `prepare`.
@@ -91,7 +76,6 @@ class XpbdWorkspace(Workspace):
         flags: Whether a step is fast, shapes stand still and contacts are known, and how many
             particles touch, shape [4].
         code: Machine code of the sub-steps, where they are called one by one.
-        code_for: Whether threads share them and whether there are points between particles.
     """
 
     rest_squared: FloatArray
@@ -103,7 +87,6 @@ class XpbdWorkspace(Workspace):
     prepared: Prepared
     coarse: CoarseLevel
     threads: Threads | None
-    parts: Parts
     prepared_for: tuple[float, float, int, bool, int]
     bending_every: int
     place: SingleArray
@@ -114,8 +97,7 @@ class XpbdWorkspace(Workspace):
     between: tuple[Any, ...] | None
     last_search: tuple[Any, ...] | None
     flags: IntArray
-    code: Callable[..., int]
-    code_for: tuple[bool, bool] | None
+    code: Callable[..., int] | None
 
     @classmethod
     def room_for(cls, model: ClothModel, shapes: int) -> "XpbdWorkspace":
@@ -124,16 +106,11 @@ class XpbdWorkspace(Workspace):
         springs = model.springs
         edges = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
         edges = edges[inward_order(edges, triangles, model.free_count)]
-        parts = part_starts(model.free_count)
-        by_part, edge_start = order_by_part(edges, parts)
-        edges = edges[by_part]
         rest, weight = model.rest, model.inverse_mass
         bending = hinges(rest, triangles, model.material)
         used = np.flatnonzero(
             (weight[bending.particles].sum(axis=1) > 0.0) & (bending.stiffness > 0.0)
         )
-        by_part, hinge_start = order_by_part(bending.particles[used], parts)
-        used = used[by_part]
         m, h = len(edges), len(used)
         lightness = (weight[bending.particles[used]] * bending.weight[used] ** 2).sum(axis=1)
         rest_squared = ((rest[edges[:, 0]] - rest[edges[:, 1]]) ** 2).sum(axis=1)
@@ -154,7 +131,6 @@ class XpbdWorkspace(Workspace):
             ),
             coarse=CoarseLevel.none(),
             threads=None,
-            parts=Parts(edges=edge_start, hinges=hinge_start),
             prepared_for=(0.0, 0.0, 0, False, 0),
             bending_every=1,
             place=np.zeros((model.free_count, 3), np.float32),
@@ -165,8 +141,7 @@ class XpbdWorkspace(Workspace):
             between=None,
             last_search=None,
             flags=np.zeros(4, np.int32),
-            code=run_sub_steps,
-            code_for=None,
+            code=None,
         )
 
     def prepare(
