@@ -282,21 +282,24 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             if self._steps_on_poses and len(self._early) < _MOST_EARLY_POSES:
                 self._early.append(message)
             return
+        new_sender = self._source.followed not in (None, taken.publisher)
         if self._steps_on_poses:
-            self._step_to(message)
+            self._step_to(message, new_sender=new_sender)
             return
         try:
-            self._stepper.add(message.stamp, message.poses, time.monotonic_ns())
+            self._stepper.add(
+                message.stamp, message.poses, time.monotonic_ns(), new_sender=new_sender
+            )
         except MessageError as error:
             # Poses of colliders that the garments are being made for are no fault.
             if error.reason != POSE_COUNT or not self._dresser.busy:
                 raise
 
-    def _step_to(self, message: StampedPoses) -> None:
+    def _step_to(self, message: StampedPoses, *, new_sender: bool = False) -> None:
         """Advance by whole steps up to a message; publish what moved."""
         stepper = self._stepper
         assert stepper is not None
-        stepper.add(message.stamp, message.poses, message.stamp)
+        stepper.add(message.stamp, message.poses, message.stamp, new_sender=new_sender)
         if not self._paused and self._advance(message.stamp, in_time=False):
             self._publish()
 

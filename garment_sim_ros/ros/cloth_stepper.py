@@ -85,13 +85,17 @@ class ClothStepper:
         count = len(simulation.collider_set)
         self._now, self._next = ColliderPoses.identity(count), ColliderPoses.identity(count)
 
-    def add(self, stamp: int, poses: ColliderPoses, arrival: int) -> None:
+    def add(
+        self, stamp: int, poses: ColliderPoses, arrival: int, *, new_sender: bool = False
+    ) -> None:
         """Take poses over.
 
         Args:
             stamp: Their time [ns].
             poses: World poses of all colliders.
             arrival: When they came, on a clock that only runs forward [ns].
+            new_sender: Whether they are another sender's than those before: no way leads from one
+                to the other.
 
         Raises:
             MessageError: They do not fit the colliders, or the poses before; nothing changes.
@@ -102,7 +106,9 @@ class ClothStepper:
                 POSE_COUNT, f"found {len(poses.position)} poses; allowed: {expected}"
             )
         before = self._order.newest
-        anew = self._order.accept(stamp)
+        if new_sender:
+            self._order.begin(stamp)
+        anew = new_sender or self._order.accept(stamp)
         if before is not None and not anew:
             self._periods.append(stamp - before)
             newest = self._buffer.newest[1]

@@ -113,8 +113,9 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
                 self._avatar = self._wear(load_body(p.body, bone_names=p.body_bone_names))
         self._skeleton = Background(self._read, _DESCRIPTION)
         self.take_in(ROBOT_DESCRIPTION, self._take_description, always=True)
+        self._source = Source(p.stale_after)
         self._joints = self.take_in(
-            JOINT_STATES, self._take_joints, source=Source(p.stale_after), room=_ROOM
+            JOINT_STATES, self._take_joints, source=self._source, room=_ROOM
         )
 
     def start(self) -> None:
@@ -247,7 +248,10 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
             return  # a skeleton that is not described yet; `condition` says so
         channels.check(joints)
         stamp = joints.stamp or self.get_clock().now().nanoseconds
-        self._stamps.accept(stamp)
+        if self._source.followed in (None, message.publisher):
+            self._stamps.accept(stamp)
+        else:
+            self._stamps.begin(stamp)
         channels.take(joints)
         unknown = channels.unknown()
         if unknown:

@@ -95,12 +95,13 @@ class Input:
             ]: f"{info.node_namespace.rstrip('/')}/{info.node_name}"
             for info in self._node.get_publishers_info_by_topic(self.subscription.topic_name)
         }
-        if source.followed not in names:
+        # Some middlewares identify publishers in messages otherwise than in the graph.
+        if source.followed not in names and any(other in names for other in others):
             source.leave()
             return ""
 
         def named(publisher: bytes) -> str:
-            name = names.get(publisher, "an unknown node")
+            name = names.get(publisher, publisher.hex())
             alike = list(names.values()).count(name) > 1
             return f"{name} ({publisher.hex()})" if alike else name
 

@@ -10,6 +10,7 @@ from garment_sim_ros.errors import MessageError
 OTHER_PUBLISHER = "other_publisher"
 _SECOND = 1_000_000_000
 _MOST_IGNORED = 16
+_LONG_AGO = 2**62
 
 
 class Source:
@@ -58,7 +59,7 @@ class Source:
 
     def leave(self) -> None:
         """Follow whoever is next: the followed publisher is gone."""
-        self.followed = None
+        self.accepted = -_LONG_AGO
 
     def others(self, now: int) -> list[bytes]:
         """Publishers that have been ignored lately."""

@@ -30,6 +30,11 @@ class StampOrder:
         """Take the next later stamp however far it is: its receiver was away, not its sender."""
         self._was_away = True
 
+    def begin(self, stamp: int) -> None:
+        """Begin a new time with a stamp [ns]: it is another sender's."""
+        self.newest = stamp
+        self._elsewhere, self._was_away = None, False
+
     def accept(self, stamp: int) -> bool:
         """Take a stamp [ns].
 

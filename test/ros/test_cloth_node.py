@@ -365,7 +365,7 @@ def test_one_of_two_publishers_is_followed(running, probe, node, until, reach, m
     assert f"{NAMESPACE}/probe" in message
     assert "is followed" in message
     assert probe.diagnostics(node).level == DiagnosticStatus.WARN
-    assert "2 publishers of collider_poses" in node.output
+    until(lambda: "2 publishers of collider_poses" in node.output, "both in the log")
     for _ in range(3):
         reach()
     assert resets(probe) == before
@@ -375,9 +375,12 @@ def test_one_of_two_publishers_is_followed(running, probe, node, until, reach, m
         return points_of(probe.next("garments/shirt/points")[0])[:, 0].mean() > 2.0
 
     until(taken_over, "the cloth follows the other publisher")
+    taken_over_at = resets(probe)
+    assert taken_over_at > before
     other.stop()
     running.stamp = other.stamp
     running.start()
+    until(lambda: resets(probe) > taken_over_at, "the cloth follows the first again")
     reach()
 
 
@@ -495,7 +498,7 @@ def test_colliders_that_the_contact_does_not_allow_are_rejected(
     probe = make_probe(namespace)
     probe.publish(COLLIDER_DESCRIPTION, avatar.description)
     until(lambda: probe.value(node, "rejected.collider_description"), "the rejection")
-    assert "with capsule colliders" in node.output
+    until(lambda: "with capsule colliders" in node.output, "the reason in the log")
     before = probe.diagnostics(node)
     until(lambda: probe.diagnostics(node) is not before, "that it goes on")
     node.send(signal.SIGTERM)

@@ -348,7 +348,7 @@ def test_one_of_two_publishers_is_followed(feeder, node, until, make_probe):
 
     until(both, "both publishers on /diagnostics")
     assert len(feeder.found()) == count
-    assert "2 publishers of joint_states" in node.output
+    until(lambda: "2 publishers of joint_states" in node.output, "both in the log")
 
 
 def test_a_time_that_begins_again_is_followed(feeder):

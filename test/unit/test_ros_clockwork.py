@@ -337,6 +337,21 @@ class TestClothStepper:
         assert stepper.moves[-1] == ("reset", 0.75)
         assert stepper.time == 2 * STEP
 
+    def test_poses_of_another_sender_are_no_motion(self, make):
+        stepper = make()
+        self.feed(stepper, 0, 0.0)
+        stepper.advance(0)
+        self.feed(stepper, STEP, 0.0)
+        stepper.advance(STEP)
+        with pytest.raises(MessageError, match="pose_count"):
+            stepper.add(2 * STEP, poses(0.2, 3), 2 * STEP, new_sender=True)
+        assert not stepper.advance(STEP)
+        stepper.add(STEP // 2, poses(0.2), 2 * STEP, new_sender=True)  # an earlier stamp, too
+        stepper.advance(STEP)
+        assert (stepper.resets, stepper.teleports) == (1, 0)
+        assert stepper.moves[-1] == ("reset", 0.2)
+        assert stepper.time == STEP // 2
+
     def test_a_root_that_turns_round_at_once_has_jumped(self, make):
         stepper = make()
         self.feed(stepper, 0, 0.0)
