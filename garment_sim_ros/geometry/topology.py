@@ -94,17 +94,19 @@ def boundary_loops(triangles: IntArray) -> list[IntArray]:
     Raises:
         GeometryError: A vertex lies on more than one loop (two fans meet in a point).
     """
-    half, _ = _half_edges(triangles)
-    directed = {(int(a), int(b)) for a, b in half}
-    successor: dict[int, int] = {}
-    for a, b in sorted(directed):
-        if (b, a) not in directed:
-            if a in successor:
-                raise GeometryError(f"boundary loops touch at vertex {a}; each must be separate")
-            successor[a] = b
+    half = np.unique(_half_edges(triangles)[0].astype(np.int64), axis=0)
+    n = int(half.max(initial=0)) + 1
+    outer = half[~np.isin(half[:, 0] * n + half[:, 1], half[:, 1] * n + half[:, 0])]
+    twice = np.flatnonzero(outer[1:, 0] == outer[:-1, 0])
+    if twice.size:
+        raise GeometryError(
+            f"boundary loops touch at vertex {outer[twice[0], 0]}; each must be separate"
+        )
+    successor = dict(outer.tolist())  # by rising vertex
     loops = []
-    while successor:
-        start = min(successor)
+    for start in list(successor):
+        if start not in successor:
+            continue
         loop = [start]
         vertex = successor.pop(start)
         while vertex != start:

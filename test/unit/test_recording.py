@@ -95,8 +95,8 @@ def write(tmp_path):
     return write
 
 
-def avatar(namespace="", step=24, spoil=None):
-    text = message("std_msgs/msg/String", data="<robot/>")
+def avatar(namespace="", step=24, spoil=None, text="<robot/>", joints_named=("a", "b")):
+    text = message("std_msgs/msg/String", data=text)
     messages = [
         (f"{namespace}/robot_description", 1, text),
         (f"{namespace}/garments/skirt/topology", 1, topology(REST, [[0, 1, 2]])),
@@ -107,7 +107,7 @@ def avatar(namespace="", step=24, spoil=None):
         if i == spoil:
             x[1, 2] = np.nan
         messages += [
-            (f"{namespace}/joint_states", stamp + 1, joints(stamp, ["a", "b"], [i, -i])),
+            (f"{namespace}/joint_states", stamp + 1, joints(stamp, list(joints_named), [i, -i])),
             (f"{namespace}/garments/skirt/points", stamp + 2, cloud(stamp, x, step)),
             (f"{namespace}/quality", stamp + 3, quality(stamp, step_ms=f"{0.5 * i}", solver="x")),
         ]

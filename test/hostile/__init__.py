@@ -1,0 +1,1 @@
+"""Damaged files of every format, and what all readers owe to whoever has one."""
