@@ -34,12 +34,13 @@ def read_bytes(path: str | Path, *, limit: int = MAX_FILE_BYTES) -> bytes:
         # What is there may change after the check: a pipe must not make this wait either.
         handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
         with os.fdopen(handle, "rb") as file:
-            _check(path, os.fstat(handle), limit)
-            data = file.read(limit + 1)
+            status = os.fstat(handle)
+            _check(path, status, limit)
+            data = file.read(status.st_size + 1)
     except (OSError, ValueError) as error:
         raise InputFileError(path, _reason(error)) from None
-    if len(data) > limit:
-        raise InputFileError(path, "grows while it is read", f"allowed: at most {limit} bytes")
+    if len(data) > status.st_size:
+        raise InputFileError(path, "grows while it is read")
     return data
 
 

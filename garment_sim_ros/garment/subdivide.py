@@ -9,7 +9,7 @@ from garment_sim_ros.garment.connectivity import edge_table
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
-MAX_TRIANGLES = 2_000_000
+MAX_TRIANGLES = 500_000
 """Largest mesh that refinement may make."""
 
 

@@ -23,7 +23,7 @@ from garment_sim_ros.plain_data import read_yaml
 MAX_BYTES = 4 * 2**30
 """Largest recording, all files together."""
 
-_MAX_METADATA_BYTES = 4 * 2**20
+_MAX_METADATA_BYTES = 2**20
 _MAX_FILES = 1000
 _MAX_TOPICS = 2000
 _MAX_RECORDS = 20_000_000

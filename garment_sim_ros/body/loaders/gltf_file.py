@@ -5,7 +5,6 @@ index and offset in the file is checked against what is really there before memo
 """
 
 import base64
-import binascii
 import struct
 from pathlib import Path
 from typing import Any
@@ -272,7 +271,7 @@ class GltfFile:
             raise self.error("has a data URI that is not base64")
         try:
             return base64.b64decode(payload, validate=True)
-        except binascii.Error as error:
+        except ValueError as error:
             raise self.error(f"has a data URI that is not base64 ({error})") from error
 
     def _beside(self, uri: str) -> bytes:

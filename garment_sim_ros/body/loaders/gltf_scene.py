@@ -52,12 +52,24 @@ class Scene:
         order: The nodes depth first, parents before children.
 
     Raises:
-        InputFileError: The nodes are not one or more trees.
+        InputFileError: The nodes are not one or more trees, or show too many meshes.
     """
 
     def __init__(self, file: GltfFile) -> None:
         self._file = file
         self._nodes = file.list_of("nodes")
+        self._primitives = [
+            file.items(mesh, "primitives", dict) for mesh in file.list_of("meshes")
+        ]
+        shown = sum(
+            1 + len(self._primitives[file.index(node, "mesh", len(self._primitives))])
+            for node in self._nodes
+            if "mesh" in node
+        )
+        if shown > MAX_PIECES:
+            raise file.error(
+                f"shows {shown} meshes and primitives", f"allowed: up to {MAX_PIECES}"
+            )
         self.parent, self.order = self._tree()
 
     def transforms(self, T_world_root: FloatArray) -> FloatArray:
@@ -101,17 +113,12 @@ class Scene:
             InputFileError: Malformed, or more is made of the file's bytes than they can hold.
         """
         file = self._file
-        meshes = [file.items(mesh, "primitives", dict) for mesh in file.list_of("meshes")]
-        count, uses, vertices = 0, 0, 0
+        uses, vertices = 0, 0
         most = _USES_PER_BYTE * file.size + _FREE_USES
         for n, node in enumerate(self._nodes):
             if "mesh" not in node:
                 continue
-            primitives = meshes[file.index(node, "mesh", len(meshes))]
-            count += 1 + len(primitives)
-            if count > MAX_PIECES:
-                raise file.error(f"shows over {MAX_PIECES} meshes and their primitives")
-            for primitive in primitives:
+            for primitive in self._primitives[node["mesh"]]:
                 if primitive.get("mode", 4) not in (4, 5, 6):
                     continue  # points and lines are no surface
                 attributes = primitive.get("attributes")

@@ -60,7 +60,7 @@ def read_ply(path: str | Path) -> Polygons:
         order, elements = _header(data[:end].decode("ascii", "replace"))
         body: _Text | _Binary = _Binary(data, start, order) if order else _Text(data[start:])
         polygons = _polygons(elements, body, len(data) - start)
-    except (LookupError, ValueError, struct.error) as error:
+    except (LookupError, ValueError, OverflowError, struct.error) as error:
         raise InputFileError(
             path, f"is malformed or truncated ({error})", "allowed: PLY 1.0"
         ) from None
