@@ -1,6 +1,6 @@
 # Needs Python 3.10 to 3.13 and make; everything else goes into .venv.
 .DEFAULT_GOAL := help
-.PHONY: help test test-slow test-machines test-colcon bench demo docs mannequin lint clean
+.PHONY: help test test-slow test-machines test-colcon fuzz bench demo docs mannequin lint clean
 SHELL := /bin/bash
 
 # The first Python that is young enough and old enough.
@@ -41,6 +41,9 @@ test-machines: $(STAMP) ## The tests as other processors, Pythons and the oldest
 
 test-colcon: $(STAMP) ## `colcon build` and `ros2 run` paths, in a temporary environment
 	$(PY) -m pytest -m slow test/unit/test_package_install.py
+
+fuzz: $(STAMP) ## Thousands of damaged files of every format; those that a reader falls over in out/fuzz
+	cd test && PYTHONPATH=.:.. ../$(PY) -m hostile.run --mutants 5000 --keep ../out/fuzz $(ARGS) >/dev/null
 
 bench: $(STAMP) ## Timing figures, as ratios within one run
 	@set -e; for file in bench/*.py; do echo "== $$file"; $(PY) $$file; done

@@ -44,6 +44,11 @@ def main() -> int:
             if name.startswith(args.only):
                 result[name] = _tried(name, sample, args.mutants, args.seed, args.keep)
                 print(f"{name:32} {_words(result[name])}", file=sys.stderr, flush=True)
+    tried = sum(
+        found["read"] + found["refused"] + len(found["failures"]) for found in result.values()
+    )
+    failures = sum(len(found["failures"]) for found in result.values())
+    print(f"{tried} damaged files, {failures} failures", file=sys.stderr)
     print(json.dumps(result))
     return any(found["failures"] for found in result.values())
 
@@ -56,11 +61,11 @@ def _tried(name: str, sample: Sample, count: int, seed: int, keep: Path | None) 
         sample.file.write_bytes(damaged)
         faulthandler.dump_traceback_later(HANG, exit=True)
         started, problem = time.process_time(), ""
+        outcome = "read"
         try:
             sample.read()
-            found["read"] += 1
         except InputFileError as error:
-            found["refused"] += 1
+            outcome = "refused"
             if not str(error).isprintable() or len(str(error)) > 5000:
                 problem = f"message {str(error)[:200]!r}"
         except BaseException as error:
@@ -71,7 +76,9 @@ def _tried(name: str, sample: Sample, count: int, seed: int, keep: Path | None) 
         finally:
             faulthandler.cancel_dump_traceback_later()
         found["slowest"] = max(found["slowest"], round(time.process_time() - started, 3))
-        if problem:
+        if not problem:
+            found[outcome] += 1
+        else:
             found["failures"].append(f"{number}: {problem}")
             if keep is not None:
                 keep.mkdir(parents=True, exist_ok=True)

@@ -4,7 +4,8 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from garment_sim_ros.garment.connectivity import components, edge_table
+from garment_sim_ros.garment.attachments import smoothed
+from garment_sim_ros.garment.connectivity import adjacency, components, edge_table
 from garment_sim_ros.garment.isosurface import clipped, surface_net
 from garment_sim_ros.garment.mesh_repair import repaired
 from garment_sim_ros.garment.remesh import remeshed
@@ -175,3 +176,41 @@ def test_profile_interpolation(offsets, where):
     support = np.outer(2.0 * offsets + 1.0, np.ones(len(NORMALS)))
     at = Profile(offset=offsets, support=support).at(np.array([where]))[0]
     assert np.allclose(at, 2.0 * np.clip(where, offsets[0], offsets[-1]) + 1.0)
+
+
+class Counted:
+    """A matrix that counts its products."""
+
+    def __init__(self, matrix):
+        self.matrix, self.products = matrix, 0
+
+    def __matmul__(self, other):
+        self.products += 1
+        return self.matrix @ other
+
+
+@CHECKED
+@given(st.integers(2, 9), st.integers(2, 9), st.integers(1, 400), st.integers(0, 2**32 - 1))
+def test_smoothing_is_that_of_many_rounds(cloth, rows, columns, rounds, seed):
+    triangles = cloth.grid(rows, columns)[1]
+    neighbours = adjacency(triangles, rows * columns)
+    values = np.random.default_rng(seed).random((rows * columns, 3))
+    expected = values.copy()
+    degree = neighbours.sum(axis=1).reshape(-1, 1)
+    for _ in range(rounds):
+        expected = 0.5 * (expected + np.asarray(neighbours @ expected / degree))
+    np.testing.assert_allclose(smoothed(neighbours, values, rounds), expected, atol=1e-9)
+
+
+def test_smoothing_takes_far_fewer_products_than_rounds(cloth, monkeypatch):
+    """A finer mesh needs as many more rounds as it has vertices."""
+    neighbours = adjacency(cloth.grid(4, 4)[1], 16)
+    made = []
+
+    def counted(matrix):
+        made.append(Counted(matrix))
+        return made[-1]
+
+    monkeypatch.setattr("garment_sim_ros.garment.attachments.sp.csr_matrix", counted)
+    smoothed(neighbours, np.ones((16, 1)), 10_000)
+    assert made[0].products < 600

@@ -68,7 +68,8 @@ def origin_transform(owner: Element, source: str) -> FloatArray:
     origin = owner.find("origin")
     if origin is not None:
         rpy = numbers(origin, "rpy", "0 0 0", 3, source)
-        T[:3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
+        if rpy.any():
+            T[:3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
         T[:3, 3] = numbers(origin, "xyz", "0 0 0", 3, source)
         if np.abs(T[:3, 3]).max() > MAX_DISTANCE:
             raise InputFileError(
