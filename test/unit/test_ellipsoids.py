@@ -88,16 +88,27 @@ def test_refinement_ends_where_nothing_can_be_split():
     assert (sizes >= FEWEST).all()
 
 
-def test_every_point_is_in_its_ellipsoid_and_every_triangle_in_one(body):
+def test_every_point_is_in_its_ellipsoid_and_all_skin_in_the_union(body):
     x, t = body.skin.vertices, body.skin.triangles
     points = ellipsoids_around(body, EllipsoidSettings(max_ellipsoids=50), cover="vertices")
     for i, e in enumerate(points.ellipsoids):
         assert (e.zeta(x[points.label == i]) <= 1.0).all()
     fit = ellipsoids_around(body, EllipsoidSettings(max_ellipsoids=50))
-    inside = np.stack([e.zeta(x) <= 1.0 for e in fit.ellipsoids])
-    assert inside[:, t].all(axis=2).any(axis=0).all()
+    share = np.random.default_rng(0).dirichlet(np.ones(3), len(t))
+    for skin in (x, np.einsum("tk,tkc->tc", share, x[t]), x[t].mean(axis=1)):
+        assert np.min([e.zeta(skin) for e in fit.ellipsoids], axis=0).max() <= 1.0 + 1e-9
     assert fit.label.min() == 0
     assert len(np.unique(fit.label)) == len(fit.ellipsoids) == 50
+
+
+@pytest.mark.parametrize("mu", [0.045, 0.035])
+def test_thresholds_hold_for_what_is_returned_or_the_report_says_by_how_much_not(body, mu):
+    reached = ellipsoids_around(body, EllipsoidSettings(mu_torso=mu, mu_limb=mu))
+    assert reached.error.max() <= mu
+    assert reached.report()["over_mu"] == reached.report()["over_mu_mm_max"] == 0
+    report = ellipsoids_around(body, EllipsoidSettings(max_ellipsoids=20)).report()
+    assert report["over_mu"] > 10
+    assert report["over_mu_mm_max"] > 10.0
 
 
 def test_thresholds_by_part_and_region(body):

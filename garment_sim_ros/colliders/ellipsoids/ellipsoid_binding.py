@@ -81,7 +81,7 @@ def ellipsoid_colliders(body: Body, fit: EllipsoidFit, delta: float) -> list[Col
     weights = bone_weights(body.skin, bones)
     colliders = []
     for i, (e, members) in enumerate(zip(fit.ellipsoids, fit.members)):
-        m = int(weights[members].sum(axis=0).argmax())
+        m = int(members.of(weights).sum(axis=0).argmax())
         T_bone_bind = body.skin.T_bone_bind[bones.joint[m]]
         colliders.append(
             Collider(
@@ -108,20 +108,28 @@ def _refitted_at_joints(
     x = body.skin.vertices
     result = []
     for collider, members in zip(colliders, fit.members):
-        if len(members) < 4 or weights[members].mean(axis=0).max() >= _SHARED:
+        share = members.of(weights)
+        if len(members) < 4 or share.mean(axis=0).max() >= _SHARED:
             result.append(collider)
             continue
-        mine = np.flatnonzero(weights[members].max(axis=0) >= _LITTLE)
-        share = weights[members][:, mine]
+        mine = np.flatnonzero(share.max(axis=0) >= _LITTLE)
+        share = share[:, mine]
+        # What each bone carries of a point between vertices: their places, by weight.
+        own = members.of(weights[:, mine, None] * x[:, None]).transpose(1, 0, 2)
+        own = np.where(
+            share.T[..., None] > 1e-9, own / np.maximum(share.T[..., None], 1e-9), members.of(x)
+        )
         share /= share.sum(axis=1, keepdims=True)
-        carried = np.einsum("pbij,vj->pbvi", motions[:, mine][..., :3, :3], x[members])
+        carried = np.einsum("pbij,bvj->pbvi", motions[:, mine][..., :3, :3], own)
         carried += motions[:, mine][:, :, None, :3, 3]
         kept = _needed_points(np.einsum("vb,pbvi->pvi", share, carried))
         T_bone_bind = body.skin.T_bone_bind[bones.joint[mine]]
         geometry = {
             **collider.geometry,
             "frames": frames[mine],
-            "points": np.stack([transform_points(T, x[members[kept]]) for T in T_bone_bind]),
+            "points": np.stack(
+                [transform_points(T, points[kept]) for T, points in zip(T_bone_bind, own)]
+            ),
             "weights": np.ascontiguousarray(share[kept].T),
             "inflation": delta,
         }

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.ellipsoids.pruned_kmeans import Clustering, refine
+from garment_sim_ros.colliders.ellipsoids.skin_points import SkinPoints, border_points
 from garment_sim_ros.colliders.ellipsoids.thresholds import REGIONS, TORSO, region_thresholds
 from garment_sim_ros.colliders.segmentation.segmentation import (
     Segmentation,
@@ -42,16 +43,18 @@ class EllipsoidFit:
         ellipsoids: The ellipsoids.
         region: Name of the region that each was fitted to; ``body`` without segmentation.
         label: Ellipsoid of each skin vertex, shape [v].
-        members: Skin vertices that each ellipsoid holds; some are in several.
+        members: Skin points that each ellipsoid holds: its vertices, and where it meets others.
         error: Mean radial distance of each one's own vertices to it, equation (6) [m].
+        mu: Error that was asked of each [m]; infinite where a count was.
         segmentation: None without segmentation.
     """
 
     ellipsoids: tuple[Ellipsoid, ...]
     region: tuple[str, ...]
     label: IntArray
-    members: tuple[IntArray, ...]
+    members: tuple[SkinPoints, ...]
     error: FloatArray
+    mu: FloatArray
     segmentation: Segmentation | None
 
     @property
@@ -67,6 +70,8 @@ class EllipsoidFit:
             "ellipsoids": len(self.ellipsoids),
             "mean_error_mm": round(1e3 * self.mean_error, 3),
             "largest_error_mm": round(1e3 * float(self.error.max()), 3),
+            "over_mu": int((self.error > self.mu).sum()),
+            "over_mu_mm_max": round(1e3 * max(float((self.error - self.mu).max()), 0.0), 3),
             "ellipsoids_of": {
                 name: {
                     "ellipsoids": n,
@@ -97,10 +102,10 @@ def ellipsoids_around(
         body: Rig and skin.
         settings: Thresholds and more. The torso's six regions share the smallest of theirs; at
             most as many ellipsoids are made as it says, the worst in relation to their thresholds
-            being split first.
+            being split first. Thresholds hold for the ellipsoids as they are returned.
         sex: For the paper's constants.
-        cover: ``triangles``: every triangle is inside one ellipsoid, and so is the whole skin
-            inside their union; ``vertices``, as in the paper.
+        cover: ``triangles``: the whole skin is inside the union; ``vertices``: as in the paper,
+            which leaves skin outside where ellipsoids meet.
         counts: Ellipsoids of each of `PARTS` (or of ``body`` without segmentation), instead of
             thresholds; the torso has at least 6.
 
@@ -116,31 +121,74 @@ def ellipsoids_around(
     if cover not in COVERS:
         raise ParameterError("cover", f"found {cover!r}", f"allowed: {COVERS}")
     x = body.skin.vertices
+    divided = None
     if s.segmentation == "none":
         whole = Clustering.start(x, np.zeros(len(x), np.int32), sigma=0.0, use_rule=False)
-        if counts is None:
-            refine([whole], [min(s.mu_torso, s.mu_limb)], s.max_ellipsoids)
-        else:
-            refine([whole], [_ALWAYS], counts["body"])
-        return _gathered(body, [(np.arange(len(x)), whole, ("body",))], None, cover)
-
-    divided = segment_body(body, s.segmentation, sex=sex)
-    # Vertices at one place (seams) count once, as on the repaired surface.
-    _, first = np.unique(divided.surface.vertex, return_index=True)
-    region = divided.region[first]
-    parts = []
-    thresholds_of_parts = []
-    for group in (TORSO, *((i,) for i in range(len(REGIONS)) if i not in TORSO)):
-        mine = first[np.isin(region, group)]
-        parts.append((mine, Clustering.start(x[mine], divided.region[mine], sigma=s.sigma), group))
-        thresholds_of_parts.append(min(thresholds[REGIONS[i]] for i in group))
-    if counts is None:
-        refine([part for _, part, _ in parts], thresholds_of_parts, s.max_ellipsoids)
+        parts = [_Part("body", np.arange(len(x)), whole, ("body",), min(s.mu_torso, s.mu_limb))]
     else:
-        for name, (_, part, _) in zip(PARTS, parts):
-            refine([part], [_ALWAYS], counts[name])
-    named = [(mine, part, tuple(REGIONS[i] for i in group)) for mine, part, group in parts]
-    return _gathered(body, named, divided, cover)
+        divided = segment_body(body, s.segmentation, sex=sex)
+        # Vertices at one place (seams) count once, as on the repaired surface.
+        _, first = np.unique(divided.surface.vertex, return_index=True)
+        region = divided.region[first]
+        parts = []
+        for name, group in zip(PARTS, (TORSO, *((i,) for i in range(TORSO[0])))):
+            mine = first[np.isin(region, group)]
+            clusters = Clustering.start(x[mine], divided.region[mine], sigma=s.sigma)
+            mu = min(thresholds[REGIONS[i]] for i in group)
+            parts.append(_Part(name, mine, clusters, tuple(REGIONS[i] for i in group), mu))
+    if counts is None:
+        refine([p.clusters for p in parts], [p.mu for p in parts], s.max_ellipsoids)
+    else:
+        for part in parts:
+            refine([part.clusters], [_ALWAYS], counts[part.name])
+            part.mu = np.inf
+    while True:
+        fit = _gathered(body, parts, divided, cover)
+        if not _split_worst(parts, fit, s.max_ellipsoids):
+            return fit
+
+
+@dataclass
+class _Part:
+    """A part of the skin that is refined by itself.
+
+    Attributes:
+        name: One of `PARTS`, or ``body``.
+        vertices: Its skin vertices, shape [n].
+        clusters: Their clusters.
+        regions: Names of the regions that it consists of.
+        mu: Error above which a cluster is split [m].
+    """
+
+    name: str
+    vertices: NDArray[np.intp]
+    clusters: Clustering
+    regions: tuple[str, ...]
+    mu: float
+
+
+def _split_worst(parts: list[_Part], fit: EllipsoidFit, most: int) -> bool:
+    """Splits the worse half of the ellipsoids whose error as they are exceeds mu.
+
+    Refinement saw vertices only; around all of the skin ellipsoids are larger. Returns whether
+    any was split: each time there is one more cluster, or one less that can be split.
+    """
+    which = [(part, i) for part in parts for i in range(len(part.clusters.clusters))]
+    excess = np.array(
+        [
+            0.0 if part.clusters.clusters[i].final else error / part.mu
+            for (part, i), error in zip(which, fit.error)
+        ]
+    )
+    over = np.flatnonzero(excess > 1.0)
+    worst = over[np.argsort(-excess[over], kind="stable")]
+    room = most - len(which)
+    for k in worst[: (len(worst) + 1) // 2]:
+        if room <= 0:
+            return bool(k != worst[0])
+        part, i = which[k]
+        room -= part.clusters.split(i)
+    return bool(len(worst))
 
 
 def segment_body(body: Body, segmentation: str = "auto", *, sex: str = "female") -> Segmentation:
@@ -171,61 +219,37 @@ def _joints(body: Body, segmentation: str) -> dict[str, FloatArray] | None:
 
 
 def _gathered(
-    body: Body,
-    parts: list[tuple[NDArray[np.intp], Clustering, tuple[str, ...]]],
-    divided: Segmentation | None,
-    cover: str,
+    body: Body, parts: list[_Part], divided: Segmentation | None, cover: str
 ) -> EllipsoidFit:
-    """All parts' ellipsoids in one list, extended over whole triangles where asked."""
-    x, triangles = body.skin.vertices, body.skin.triangles
+    """All parts' ellipsoids in one list, extended to where they meet if asked."""
+    x = body.skin.vertices
     label = np.full(len(x), -1, dtype=np.int32)
     ellipsoids: list[Ellipsoid] = []
     regions: list[str] = []
-    for mine, part, names in parts:
-        label[mine] = part.label + len(ellipsoids)
-        for i, cluster in enumerate(part.clusters):
-            name = names[0]
-            if divided is not None and len(names) > 1:
-                votes = np.bincount(divided.region[mine[part.label == i]], minlength=len(REGIONS))
+    mu: list[float] = []
+    for part in parts:
+        own = part.clusters.label
+        label[part.vertices] = own + len(ellipsoids)
+        for i, cluster in enumerate(part.clusters.clusters):
+            name = part.regions[0]
+            if divided is not None and len(part.regions) > 1:
+                votes = np.bincount(divided.region[part.vertices[own == i]])
                 name = REGIONS[int(votes.argmax())]
             ellipsoids.append(cluster.ellipsoid)
             regions.append(name)
+            mu.append(part.mu)
     if divided is not None:
         _, first, inverse = np.unique(
             divided.surface.vertex, return_index=True, return_inverse=True
         )
         label = label[first][inverse]
-    members = [np.flatnonzero(label == i).astype(np.int32) for i in range(len(ellipsoids))]
+    mine = [np.flatnonzero(label == i).astype(np.int32) for i in range(len(ellipsoids))]
+    members = [SkinPoints.at(vertices) for vertices in mine]
     if cover == "triangles":
-        members = _over_triangles(x, triangles, label, ellipsoids, members)
-        ellipsoids = [mvee(x[m], tolerance=1e-3) for m in members]
-    error = np.array(
-        [e.radial_error(x[label == i]).mean() for i, e in enumerate(ellipsoids)], np.float64
+        border = border_points(x, body.skin.triangles, label, ellipsoids)
+        members = [m.with_more(more) for m, more in zip(members, border)]
+        ellipsoids = [mvee(m.of(x), tolerance=1e-3) for m in members]
+    error = np.array([e.radial_error(x[m]).mean() for e, m in zip(ellipsoids, mine)], np.float64)
+    return EllipsoidFit(
+        tuple(ellipsoids), tuple(regions), label, tuple(members), error, np.array(mu), divided
     )
-    return EllipsoidFit(tuple(ellipsoids), tuple(regions), label, tuple(members), error, divided)
-
-
-def _over_triangles(
-    x: FloatArray,
-    triangles: IntArray,
-    label: IntArray,
-    ellipsoids: list[Ellipsoid],
-    members: list[IntArray],
-) -> list[IntArray]:
-    """Members such that every triangle lies within one ellipsoid: the one that grows least."""
-    corner = label[triangles]
-    mixed = triangles[(corner != corner[:, :1]).any(axis=1)]
-    zeta = np.zeros(mixed.shape)
-    for k in range(3):
-        for o in np.unique(label[mixed[:, k]]):
-            own = label[mixed[:, k]] == o
-            values = ellipsoids[o].zeta(x[mixed[own]].reshape(-1, 3))
-            zeta[own, k] = values.reshape(-1, 3).max(axis=1)
-    owner = label[mixed[np.arange(len(mixed)), zeta.argmin(axis=1)]]
-    added: dict[int, list[IntArray]] = {}
-    for o, t in zip(owner, mixed):
-        added.setdefault(int(o), []).append(t)
-    return [
-        np.unique(np.concatenate([m, *added.get(i, [])])).astype(np.int32)
-        for i, m in enumerate(members)
-    ]
