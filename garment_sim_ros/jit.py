@@ -27,6 +27,8 @@ import numba
 from numba import njit
 from numba.core.dispatcher import Dispatcher
 
+from garment_sim_ros.compile_once import compile_once
+
 _FAST_FLAGS = {"reassoc", "contract", "arcp", "nsz", "afn"}
 _VERSIONS_KEPT = 4
 
@@ -61,6 +63,8 @@ if not os.environ.get("NUMBA_CACHE_DIR"):
         numba.config.CACHE_DIR = str(_cache)  # type: ignore[attr-defined]
     except (OSError, RuntimeError):
         pass  # no home directory, or a read-only one: the compiler finds another place, or none
+
+compile_once()
 
 kernel = partial(njit, cache=True, nogil=True, error_model="numpy", fastmath=_FAST_FLAGS)
 """Decorator factory for hot loops: ``@kernel()``."""

@@ -263,10 +263,14 @@ def test_example_is_an_outfit():
 
 def test_a_wide_skirt_asks_for_fewer_ellipsoids_over_the_legs(tmp_path, body):
     """Thresholds by garment: where several name a region, the tightest counts."""
-    ellipsoids = "colliders: {method: ellipsoids, mu: head=0.02}\n"
-    thighs = "left_thigh=0.04 right_thigh=0.04"
+    # As many as it takes, so that no part has what another one leaves; rigid, which is quicker.
+    ellipsoids = (
+        "colliders: {method: ellipsoids, mu: head=0.03, mu_torso: 0.05, mu_limb: 0.016,"
+        " max_ellipsoids: 400, refit: false}\n"
+    )
+    thighs = "left_thigh=0.03 right_thigh=0.03"
     loose = SKIRT.replace("_skirt}", f"_skirt, mu: {thighs}}}") + ellipsoids
-    tights = "  - {name: tights, generator: short_skirt, mu: left_thigh=0.006}\n"
+    tights = "  - {name: tights, generator: short_skirt, mu: left_thigh=0.012}\n"
     count = {}
     for name, text in (
         ("plain", SKIRT + ellipsoids),
