@@ -57,8 +57,8 @@ def mannequin():
         "bodies/mh_female_young.glb",
         "bodies/CesiumMan.glb",
         "urdf/human_1m65.urdf",
-        "bodies/m_smpl_average_A40.obj",
-        "bodies/mh_proxy_female1605.obj",
+        pytest.param("bodies/m_smpl_average_A40.obj", marks=pytest.mark.slow),
+        pytest.param("bodies/mh_proxy_female1605.obj", marks=pytest.mark.slow),
     ],
 )
 def test_no_skin_is_outside(data_file, source):
