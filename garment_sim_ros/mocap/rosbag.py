@@ -18,6 +18,7 @@ from garment_sim_ros.mocap.bag_file import opened_bag
 from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.sampling import closes
 from garment_sim_ros.mocap.source_urdf import reference_from_urdf
+from garment_sim_ros.stamps import nanoseconds
 
 FloatArray = NDArray[np.float64]
 
@@ -154,7 +155,7 @@ def _read(
                 f"the joint states name {', '.join(names[:5]) or 'nothing'}, of which the robot "
                 "description has none",
             )
-        stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+        stamp = nanoseconds(message.header.stamp)
         stamp = stamp or log_time
         if stamps and stamp <= stamps[-1]:
             rejected["the stamp repeats or goes back"] += 1

@@ -14,6 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.mocap.bag_file import opened_bag
+from garment_sim_ros.stamps import nanoseconds
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -209,8 +210,7 @@ def _points(path: str | Path, topic: str, message: Any, count: int) -> NDArray[n
 
 
 def _nanoseconds(message: Any) -> int:
-    stamp = message.header.stamp
-    return stamp.sec * 1_000_000_000 + stamp.nanosec
+    return nanoseconds(message.header.stamp)
 
 
 def _garment_of(topic: str) -> str:

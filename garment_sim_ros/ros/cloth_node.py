@@ -31,12 +31,12 @@ from garment_sim_ros.ros.parameters import NodeParameters
 from garment_sim_ros.ros.progress import reporting
 from garment_sim_ros.ros.rclpy_internals import PARTICIPANT, Taken
 from garment_sim_ros.ros.sources import OTHER_PUBLISHER, Source
-from garment_sim_ros.ros.ticker import SECOND
 from garment_sim_ros.sim.account import account, in_words
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.sim.warm_up import warm_up
 from garment_sim_ros.sim.world.wind_field import wind_field
+from garment_sim_ros.stamps import SECOND
 
 _FASTEST_INPUT = 1000.0
 """Poses may come this often without any being lost between two frames [Hz]."""

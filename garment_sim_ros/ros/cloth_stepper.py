@@ -10,11 +10,11 @@ from garment_sim_ros.ros.pose_buffer import PoseBuffer
 from garment_sim_ros.ros.stamp_order import StampOrder
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.world.teleport import has_jumped
+from garment_sim_ros.stamps import SECOND
 
 POSE_COUNT = "pose_count"
-_SECOND = 1_000_000_000
 _REMEMBERED = 32
-_LATENCY_WINDOW = _SECOND // 2
+_LATENCY_WINDOW = SECOND // 2
 """Arrivals are averaged over this time [ns], but over no fewer than so many messages:"""
 _FEWEST = 4
 _PARTS = 6
@@ -71,8 +71,8 @@ class ClothStepper:
         self.is_behind = False
         self._frames_left: int | None = None
         self.delay = delay
-        self._step = round(simulation.solver_step * _SECOND)
-        self._most_steps = max(1, round(catch_up * _SECOND) // self._step)
+        self._step = round(simulation.solver_step * SECOND)
+        self._most_steps = max(1, round(catch_up * SECOND) // self._step)
         self._jump = {"speed": teleport_speed, "turn_rate": teleport_turn_rate}
         self._on_teleport = on_teleport
         self._order = StampOrder(time_jump)
@@ -113,7 +113,7 @@ class ClothStepper:
             self._periods.append(stamp - before)
             newest = self._buffer.newest[1]
             root = self.simulation.collider_set.root
-            time = (stamp - before) / _SECOND
+            time = (stamp - before) / SECOND
             if has_jumped(newest, poses, time, root=root, **self._jump):
                 self.teleports += 1
                 anew = self._on_teleport == "reset"
@@ -150,7 +150,7 @@ class ClothStepper:
         It lies `delay` behind the time that stamps have now. That runs evenly, whatever the rate
         and the jitter of messages; but the target is never beyond the newest of them.
         """
-        delay = self.period if self.delay < 0.0 else round(self.delay * _SECOND)
+        delay = self.period if self.delay < 0.0 else round(self.delay * SECOND)
         return min(self._buffer.newest[0], int(now - self._latency) - delay)
 
     def advance(self, until: int, *, in_time: bool = True) -> bool:

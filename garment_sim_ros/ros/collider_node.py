@@ -46,7 +46,7 @@ from garment_sim_ros.ros.rclpy_internals import Taken
 from garment_sim_ros.ros.serialize import Poses, StampedPose
 from garment_sim_ros.ros.sources import Source
 from garment_sim_ros.ros.stamp_order import StampOrder
-from garment_sim_ros.ros.ticker import SECOND
+from garment_sim_ros.stamps import SECOND
 
 FloatArray = NDArray[np.float64]
 

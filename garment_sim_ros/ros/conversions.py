@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.errors import MessageError
+from garment_sim_ros.stamps import SECOND
 
 FloatArray = NDArray[np.float64]
 
@@ -31,7 +32,6 @@ MAX_TEXT = 64 * 2**20
 MAX_NAME = 1024
 """Longest name in a message [bytes]."""
 
-_SECOND = 1_000_000_000
 LARGEST = 1e6
 """Largest magnitude of a position [m] or channel value [m or rad]."""
 _UNIT_TOLERANCE = 1e-2
@@ -120,11 +120,11 @@ class _Cursor:
     def stamp(self) -> int:
         """A time [ns]."""
         seconds, nanoseconds = struct.unpack_from(self.order + "iI", self.data, self.take(8, 4))
-        if seconds < 0 or nanoseconds >= _SECOND:
+        if seconds < 0 or nanoseconds >= SECOND:
             raise MessageError(
                 STAMP_INVALID, f"{seconds} s, {nanoseconds} ns; allowed: from 0, below 1e9 ns"
             )
-        return int(seconds * _SECOND + nanoseconds)
+        return int(seconds * SECOND + nanoseconds)
 
 
 def text_from(data: bytes, longest: int = MAX_TEXT) -> str:

@@ -14,9 +14,9 @@ from garment_sim_ros.errors import GarmentSimError, MessageError
 from garment_sim_ros.ros.interfaces import Topic, subscribe
 from garment_sim_ros.ros.rclpy_internals import Taken, Taker, Waiter
 from garment_sim_ros.ros.sources import Source
+from garment_sim_ros.stamps import SECOND
 
 UNUSABLE = "unusable"
-_SECOND = 1_000_000_000
 _MOST_AT_ONCE = 100
 _MOST_BYTES = 128 * 2**20
 
@@ -72,7 +72,7 @@ class Input:
 
     def silent(self) -> float:
         """Time since the last usable message, or since the input was made [s]."""
-        return (time.monotonic_ns() - self.used) / _SECOND
+        return (time.monotonic_ns() - self.used) / SECOND
 
     def excuse(self) -> None:
         """Begin to count the silence anew."""

@@ -19,7 +19,7 @@ from garment_sim_ros.ros.diagnostics import Condition
 from garment_sim_ros.ros.interfaces import CLOCK, JOINT_STATES, ROBOT_DESCRIPTION
 from garment_sim_ros.ros.lifecycle import ManagedNode, run
 from garment_sim_ros.ros.serialize import Joints
-from garment_sim_ros.ros.ticker import SECOND
+from garment_sim_ros.stamps import SECOND
 
 _RATES = (1.0, 1000.0)
 _RATE_OF_STILLS = 60.0

@@ -21,6 +21,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.ros.cdr import encode
+from garment_sim_ros.stamps import SECOND
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
@@ -32,7 +33,6 @@ _POSE_SIZE = 56
 _SCALE_SIZE = 24
 _MARKED_NUMBER = struct.unpack("<d", _MARK * 8)[0]
 _MARKED_TIME = Time(**dict(zip(("sec", "nanosec"), struct.unpack("<iI", _MARK * _STAMP_SIZE))))
-_SECOND = 1_000_000_000
 
 
 def _marked_pose() -> Pose:
@@ -67,7 +67,7 @@ class _Template:
         return self._places[place].view(dtype).reshape(-1, columns)
 
     def _write_stamp(self, place: int, stamp: int) -> None:
-        struct.pack_into("<iI", self._places[place], 0, stamp // _SECOND, stamp % _SECOND)
+        struct.pack_into("<iI", self._places[place], 0, stamp // SECOND, stamp % SECOND)
 
 
 class PointCloud(_Template):

@@ -6,9 +6,9 @@ has been silent for a while.
 """
 
 from garment_sim_ros.errors import MessageError
+from garment_sim_ros.stamps import SECOND
 
 OTHER_PUBLISHER = "other_publisher"
-_SECOND = 1_000_000_000
 _MOST_IGNORED = 16
 _LONG_AGO = 2**62
 
@@ -32,7 +32,7 @@ class Source:
         self.followed: bytes | None = None
         self.accepted = 0
         self.ignored: dict[bytes, int] = {}
-        self._patience = round(patience * _SECOND)
+        self._patience = round(patience * SECOND)
 
     def check(self, publisher: bytes, now: int) -> None:
         """See whether a publisher's message may be used.

@@ -1,10 +1,10 @@
 """Whether a stamp may follow those before it."""
 
 from garment_sim_ros.errors import MessageError
+from garment_sim_ros.stamps import SECOND
 
 BACKWARDS = "stamp_backwards"
 JUMP = "stamp_jump"
-_SECOND = 1_000_000_000
 
 
 class StampOrder:
@@ -22,7 +22,7 @@ class StampOrder:
 
     def __init__(self, time_jump: float) -> None:
         self.newest: int | None = None
-        self._limit = round(time_jump * _SECOND)
+        self._limit = round(time_jump * SECOND)
         self._elsewhere: int | None = None
         self._was_away = False
 

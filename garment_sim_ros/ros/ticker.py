@@ -16,8 +16,8 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.timer import Timer
 
 from garment_sim_ros.ros.rclpy_internals import run_ready
+from garment_sim_ros.stamps import SECOND
 
-SECOND = 1_000_000_000
 _LOOK_PERIOD = SECOND // 10
 """How often services, parameters and descriptions are looked at beside the ticks [ns]."""
 _LONGEST_LOOK = SECOND // 200
