@@ -9,7 +9,8 @@ joint t and the frames F:
     R_world_t(now) = R_world_s(now) R_world_s(reference)^-1 F_s F_t^-1 R_world_t(rest)
 
 Lengths stay the target's. The midpoint between the hip joints moves as the source's, scaled by the
-ratio of leg lengths, so that a foot on the ground stays on it.
+ratio of leg lengths, so that a foot on the ground stays on it, but for what the proportions
+differ; where the time is given, `body.feet` mends that.
 
 Joints of a rig with one-degree-of-freedom chains (URDF) are turned freely, not within their axes
 and limits: the last link of a ball joint gets the whole rotation, links between follow their
@@ -17,7 +18,6 @@ parent. That shows what the person did even where the robot model could not do i
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,14 +25,12 @@ from numpy.typing import NDArray
 from garment_sim_ros.body.anatomy import (
     SIDES,
     TRUNK,
-    Landmarks,
     SourceReference,
-    anatomical_frames,
-    find_landmarks,
     leg_length,
     stands,
     unit,
 )
+from garment_sim_ros.body.feet import Feet
 from garment_sim_ros.body.humanoid import humanoid_map
 from garment_sim_ros.body.kinematics import ForwardKinematics, rest_transforms
 from garment_sim_ros.body.retarget_pass import (
@@ -44,8 +42,8 @@ from garment_sim_ros.body.retarget_pass import (
     turn_joints,
 )
 from garment_sim_ros.body.rig import ROTATION, TRANSLATION, Rig
+from garment_sim_ros.body.skeleton import Skeleton
 from garment_sim_ros.body.skin import Body
-from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.transforms import invert_transform, quaternion_from_matrix
 
 FloatArray = NDArray[np.float64]
@@ -56,60 +54,6 @@ _FEET = ("leftFoot", "rightFoot")
 _COINCIDENT = 1e-9
 _REACH = 0.05
 """Height above the lowest foot or hand up to which others share in bearing, in leg lengths."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Skeleton:
-    """One of the two skeletons in the pose that is compared.
-
-    Attributes:
-        rig: Its rig.
-        bones: Humanoid bone to joint index.
-        T_world_joint: Pose, z up, shape [n, 4, 4].
-        marks: Its landmarks.
-        frames: Its anatomical frames.
-        at_rest: Whether the pose is the rig's own, not a captured one.
-    """
-
-    rig: Rig
-    bones: dict[str, int]
-    T_world_joint: FloatArray
-    marks: Landmarks
-    frames: dict[str, FloatArray]
-    at_rest: bool
-
-    @classmethod
-    def compare(
-        cls,
-        name: str,
-        rig: Rig,
-        mapping: Mapping[str, str],
-        T_world_joint: FloatArray,
-        reference: SourceReference,
-    ) -> "_Skeleton":
-        """Measure a posed skeleton; `reference.values` being empty says that it is at rest."""
-        if "hips" not in mapping:
-            raise GeometryError(
-                f"{name}: no joint is known to be the hips; an override can say so"
-            )
-        marks = find_landmarks(rig, mapping, T_world_joint, reference)
-        at_rest = not reference.values
-        frames = anatomical_frames(marks, designed=at_rest)
-        if not frames:
-            raise GeometryError(f"{name}: neither both hip joints nor both shoulders are known")
-        bones = {bone: rig.joint_names.index(joint) for bone, joint in mapping.items()}
-        return cls(
-            rig=rig,
-            bones=bones,
-            T_world_joint=T_world_joint,
-            marks=marks,
-            frames=frames,
-            at_rest=at_rest,
-        )
-
-    def rotation(self, joint: int) -> FloatArray:
-        """World rotation of a joint in the compared pose."""
-        return self.T_world_joint[joint, :3, :3]
 
 
 class Retargeter:
@@ -130,6 +74,7 @@ class Retargeter:
         unmapped_target: Target joints that no source joint drives: they follow their parents or
             blend between their neighbours.
         scale: Target leg length over source leg length.
+        feet: What grounds the feet.
         notes: What was assumed, one sentence each.
 
     Raises:
@@ -151,14 +96,14 @@ class Retargeter:
         self._T_world_source = np.eye(4) if T_world_source is None else np.array(T_world_source)
         self._kinematics = ForwardKinematics(source_rig)
         q = np.array([reference.values.get(name, 0.0) for name in source_rig.dofs.names])
-        source = _Skeleton.compare(
+        source = Skeleton.compare(
             "source skeleton",
             source_rig,
             humanoid_map(source_rig.joint_names, source_rig.parent, overrides),
             self._kinematics.from_dofs(q, self._T_world_source).copy(),
             reference,
         )
-        rest = _Skeleton.compare(
+        rest = Skeleton.compare(
             target.name, rig, target.humanoid, rest_transforms(rig), SourceReference()
         )
         n = len(rig)
@@ -180,7 +125,15 @@ class Retargeter:
         pairs = _pair_bones(source.bones, rest.bones)
         self._drive(pairs, source, rest)
         self._share_between(pairs, rest)
-        self._measure_travel(source, rest, target, reference)
+        ankle_height = self._measure_travel(source, rest, target, reference)
+        self.feet = Feet(
+            source,
+            rest,
+            target,
+            scale=self.scale,
+            ankle_height=ankle_height,
+            end_sites=reference.end_sites,
+        )
         driven = {rest.bones[t] for _, t in pairs}
         driving = {source.bones[s] for s, _ in pairs}
         names = source_rig.joint_names
@@ -198,11 +151,13 @@ class Retargeter:
             if skeleton.at_rest and not stands(skeleton.marks)
         )
 
-    def world_joints(self, q: FloatArray) -> FloatArray:
+    def world_joints(self, q: FloatArray, time: float | None = None) -> FloatArray:
         """Poses of the target's joints for channel values of the source.
 
         Args:
             q: Source channel values [rad or m], shape [d].
+            time: When that is [s], for feet to be grounded (see `body.feet`), which depends on the
+                calls before; None leaves them where the angles put them.
 
         Returns:
             `T_world_joint`, shape [n, 4, 4], overwritten by the next call.
@@ -218,6 +173,8 @@ class Retargeter:
             self._hips, self._rest_position, self._rotation, self._contact_joints,
             self._contact_offset, self._contact_height, self._reach, self._T_world_joint,
         )  # fmt: skip
+        if time is not None:
+            self.feet.ground(T_source, self._T_world_joint, time)
         return self._T_world_joint
 
     @property
@@ -225,7 +182,7 @@ class Retargeter:
         """World pose of the target's hips after the last call of `world_joints`, [4, 4]."""
         return self._T_world_joint[self._hips].copy()
 
-    def _drive(self, pairs: list[tuple[str, str]], source: _Skeleton, rest: _Skeleton) -> None:
+    def _drive(self, pairs: list[tuple[str, str]], source: Skeleton, rest: Skeleton) -> None:
         """Constant rotations from source to target joints."""
         for source_bone, target_bone in pairs:
             s, t = source.bones[source_bone], rest.bones[target_bone]
@@ -238,7 +195,7 @@ class Retargeter:
             self._source[t] = s
             self._offset[t] = quaternion_from_matrix(offset)
 
-    def _share_between(self, pairs: list[tuple[str, str]], rest: _Skeleton) -> None:
+    def _share_between(self, pairs: list[tuple[str, str]], rest: Skeleton) -> None:
         """Rules of target joints between two driven ones: spine, neck and forearm share."""
         bone_of = {rest.bones[target_bone]: target_bone for _, target_bone in pairs}
         for b, bone in bone_of.items():
@@ -266,9 +223,13 @@ class Retargeter:
                 self._bone_axis[j] = 0.0 if along is None else R.T @ along
 
     def _measure_travel(
-        self, source: _Skeleton, rest: _Skeleton, target: Body, reference: SourceReference
-    ) -> None:
-        """How the point between the hip joints moves: scale and heights above the ground."""
+        self, source: Skeleton, rest: Skeleton, target: Body, reference: SourceReference
+    ) -> float:
+        """How the point between the hip joints moves: scale and heights above the ground.
+
+        Returns:
+            World height of the source's ankle in a foot that stands [m].
+        """
         legs = ("leftUpperLeg", "rightUpperLeg")
         if not all(leg in source.bones and leg in rest.bones for leg in legs):
             legs = ("hips", "hips")
@@ -305,6 +266,7 @@ class Retargeter:
         self._contact_joints = np.array(joints, np.int32).reshape(-1, 2)
         self._contact_offset = np.array(offsets).reshape(-1, 2, 3)
         self._contact_height = np.array(heights).reshape(-1, 2)
+        return source_height
 
 
 def _pair_bones(source: Mapping[str, int], target: Mapping[str, int]) -> list[tuple[str, str]]:
@@ -330,7 +292,7 @@ def _pair_bones(source: Mapping[str, int], target: Mapping[str, int]) -> list[tu
 
 
 def _skeleton_points(
-    skeleton: _Skeleton, end_sites: Mapping[str, FloatArray]
+    skeleton: Skeleton, end_sites: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, NDArray[np.int32]]:
     """World positions of joints and end sites, and the joint that moves each."""
     T = skeleton.T_world_joint
@@ -352,7 +314,7 @@ def _skin_points(body: Body) -> tuple[FloatArray, NDArray[np.int32]]:
 
 
 def _arm_end(
-    skeleton: _Skeleton, side: str, points: tuple[FloatArray, NDArray[np.int32]]
+    skeleton: Skeleton, side: str, points: tuple[FloatArray, NDArray[np.int32]]
 ) -> tuple[int, FloatArray] | None:
     """An arm's lowest joint and, in its frame, the point of the arm farthest from its elbow."""
     lowest = next((side + b for b in ("Hand", "LowerArm") if side + b in skeleton.bones), None)

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.body.feet import PAST
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.body.retargeting import Retargeter
@@ -45,6 +46,7 @@ class Replay:
             T_world_source=np.eye(4),
             reference=reference_from_urdf(recording.robot_description),
         )
+        self._kept: dict[int, FloatArray] = {}
         self._skinner = Skinner(body.skin)
         hips = body.humanoid.get("hips")
         self._root = body.rig.index(hips) if hips else 0
@@ -62,11 +64,27 @@ class Replay:
         after = int(np.clip(np.searchsorted(self._stamp, stamp), 1, len(self._stamp) - 1))
         span = int(self._stamp[after] - self._stamp[after - 1])
         part = np.clip((stamp - int(self._stamp[after - 1])) / max(span, 1), 0.0, 1.0)
-        ends = [self._retargeter.world_joints(self._values[k]).copy() for k in (after - 1, after)]
+        ends = [self._posed(k) for k in (after - 1, after)]
         a, b = ((T[:, :3, 3].copy(), quaternion_from_matrix(T[:, :3, :3])) for T in ends)
         position, orientation = np.empty_like(a[0]), np.empty_like(a[1])
         interpolate_poses(*a, *b, float(part), position, orientation)
         return transform_from(position, orientation)
+
+    def _posed(self, k: int) -> FloatArray:
+        """The body's joints at a message, its feet grounded as `collider_node` does."""
+        if k not in self._kept:
+            past = self._stamp[k] - round(1e9 * PAST)
+            begin = max(self._kept, default=-1) + 1
+            first = min(int(np.searchsorted(self._stamp, past)), k)
+            if not first <= begin <= k:
+                begin = first
+                self._kept.clear()
+                self._retargeter.feet.forget()
+            for i in range(begin, k + 1):
+                T = self._retargeter.world_joints(self._values[i], 1e-9 * int(self._stamp[i]))
+                self._kept = {j: kept for j, kept in self._kept.items() if j == i - 1}
+                self._kept[i] = T.copy()
+        return self._kept[k]
 
     def figure(self, stamp: int, garments: tuple[FloatArray, ...]) -> Figure:
         """The posed skin with garments that were recorded at the same time [ns]."""

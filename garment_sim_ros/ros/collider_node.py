@@ -76,7 +76,12 @@ class _Skeleton:
     rig: Rig
     avatar: _Avatar
     is_new: bool  # the avatar
-    world_joints: Callable[[FloatArray], FloatArray]
+    world_joints: Callable[[FloatArray, float | None], FloatArray]
+
+
+def _unposed(q: FloatArray, time: float | None) -> FloatArray:
+    """Before there is a skeleton there is nothing to pose."""
+    raise AssertionError
 
 
 class ColliderNode(ManagedNode[ColliderNodeParameters]):
@@ -86,7 +91,7 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         super().__init__("collider_node", ColliderNodeParameters)
         self._avatar: _Avatar | None = None
         self._channels: JointChannels | None = None
-        self._world_joints: Callable[[FloatArray], FloatArray] = np.asarray
+        self._world_joints: Callable[[FloatArray, float | None], FloatArray] = _unposed
         self._sent = 0
 
     def prepare(self) -> None:
@@ -228,17 +233,22 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
             ):
                 if bones:
                     self.get_logger().info(f"not mapped in {what}: {', '.join(bones)}")
-            world_joints = retargeter.world_joints
+            posed: Callable[[FloatArray, float | None], FloatArray] = retargeter.world_joints
         else:
             with reporting(self.get_logger().info, "fit colliders to the body"):
                 avatar = self._wear(body_from_urdf(text, humanoid_overrides=self._body_bone_names))
-            world_joints = ForwardKinematics(rig).from_dofs
-        world_joints(np.zeros(len(rig.dofs)))
+            from_dofs = ForwardKinematics(rig).from_dofs
+
+            def alone(q: FloatArray, time: float | None) -> FloatArray:
+                return from_dofs(q)
+
+            posed = alone
+        posed(np.zeros(len(rig.dofs)), 0.0)
         return _Skeleton(
             rig=rig,
             avatar=avatar,
             is_new=not self.parameters.body,
-            world_joints=world_joints,
+            world_joints=posed,
         )
 
     def _take_joints(self, message: Taken) -> None:
@@ -274,7 +284,8 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         assert self._avatar is not None
         assert self._channels is not None
         avatar = self._avatar
-        T_world_joint = self._world_joints(self._channels.values)
+        time = stamp / SECOND if self.parameters.ground_feet else None
+        T_world_joint = self._world_joints(self._channels.values, time)
         poses = avatar.poser.poses(T_world_joint, avatar.poses)
         if not np.abs(poses.position).max(initial=0.0) <= LARGEST:
             raise MessageError(OUT_OF_RANGE, f"poses of colliders beyond {LARGEST:g} m")

@@ -1,0 +1,130 @@
+"""Grounding of feet again, by rotation objects and one joint at a time."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+FloatArray = NDArray[np.float64]
+
+
+def unit(v: FloatArray) -> FloatArray:
+    """At length 1."""
+    return v / np.linalg.norm(v)
+
+
+def arc(a: FloatArray, b: FloatArray) -> Rotation:
+    """The smallest rotation from one direction to another."""
+    axis = np.cross(a, b)
+    length = np.linalg.norm(axis)
+    if length < 1e-15:
+        return Rotation.identity()
+    return Rotation.from_rotvec(axis / length * np.arctan2(length, a @ b))
+
+
+def step(low: float, high: float, value: float) -> float:
+    """0 up to low, 1 from high."""
+    s = float(np.clip((value - low) / (high - low), 0.0, 1.0))
+    return 3.0 * s**2 - 2.0 * s**3
+
+
+def point(T: FloatArray, offset: FloatArray) -> FloatArray:
+    """A point fixed to a joint, in the world."""
+    return T[:3, :3] @ offset + T[:3, 3]
+
+
+def bend_leg(T, joints, part, hinge, goal):
+    """See `feet_pass.bend_leg`; returns the new poses."""
+    T = T.copy()
+    hip, knee, ankle = (T[j, :3, 3].copy() for j in joints)
+    a, b = np.linalg.norm(knee - hip), np.linalg.norm(ankle - knee)
+    d = np.linalg.norm(goal - hip)
+    u = unit(knee - hip)
+    axis = np.cross(knee - hip, ankle - knee) + 0.3 * a * b * T[joints[0], :3, :3] @ hinge
+    axis = unit(axis - (axis @ u) * u)
+    reached = np.clip(d, abs(a - b) + 1e-6, 0.9995 * (a + b))
+    bend = np.arccos(np.clip((reached**2 - a**2 - b**2) / (2 * a * b), -1.0, 1.0))
+    bent = Rotation.from_rotvec(bend * axis).apply(u)
+    leg = arc(unit(a * u + b * bent), unit(goal - hip))
+    shank = leg * arc(unit(ankle - knee), bent)
+    new_knee = hip + leg.apply(a * u)
+    new_ankle = new_knee + b * leg.apply(bent)
+    for j, p in enumerate(part):
+        R, x = Rotation.from_matrix(T[j, :3, :3]), T[j, :3, 3].copy()
+        if p == 0:
+            T[j, :3, :3], T[j, :3, 3] = (leg * R).as_matrix(), hip + leg.apply(x - hip)
+        elif p == 1:
+            T[j, :3, :3] = (shank * R).as_matrix()
+            T[j, :3, 3] = new_knee + shank.apply(x - knee)
+        elif p == 2:
+            T[j, :3, 3] = x + new_ankle - ankle
+    return T
+
+
+def watch(T_source, joint, offset, standing, dt, limits, before, faded):
+    """See `feet_pass.watch`; returns past, faded weights, weights and depths."""
+    before, faded = before.copy(), faded.copy()
+    weight, depth = np.zeros(len(joint)), np.zeros(len(joint))
+    for p, j in enumerate(joint):
+        if j < 0:
+            continue
+        kept = 0.0 if dt < 0.0 else np.exp(-dt / limits[5])
+        now = point(T_source[j], offset[p])
+        before[p] = kept * before[p] + (1.0 - kept) * now
+        behind = limits[5] if dt <= 0.0 else dt * kept / (1.0 - kept)
+        speed = np.linalg.norm(now - before[p]) / behind
+        height = now[2] - standing[p]
+        depth[p] = 1.0 - step(0.5 * limits[4], limits[4], -height)
+        low = 1.0 - step(limits[0], limits[1], height)
+        stands = depth[p] * low * (1.0 - step(limits[2], limits[3], speed))
+        faded[p] = kept * faded[p] + (1.0 - kept) * stands
+        lifted = step(limits[1], 2.0 * limits[1], height)
+        weight[p] = step(0.0, 1.0, faded[p]) * (1.0 - lifted)
+    return before, faded, weight, depth
+
+
+def missed(T_source, T, joint, offset, foot, target_offset, ahead, stretch, scale, weight):
+    """See `feet_pass.missed`; returns the ways."""
+    place = np.zeros((len(joint), 2))
+    for i in range(len(joint)):
+        shares = weight[i] + [1e-3, 0.0]
+        shares /= shares.sum()
+        forward = (T[foot[i], :3, :3] @ ahead[i])[:2]
+        forward = forward / max(np.linalg.norm(forward), 0.2)
+        left = np.array([-forward[1], forward[0]])
+        for p in range(2):
+            if joint[i, p] < 0:
+                continue
+            wanted = scale * point(T_source[joint[i, p]], offset[i, p])[:2]
+            if p == 1:
+                wanted += stretch[i, 0] * forward + stretch[i, 1] * left
+            place[i] += shares[p] * (wanted - point(T[foot[i]], target_offset[i, p])[:2])
+    return place
+
+
+def ground(T, legs, part, hinge, reach, weight, place, sole_joint, sole_offset, sole_start):
+    """See `feet_pass.ground`; returns the new poses."""
+    T = T.copy()
+    down = []
+    for first, last in zip(sole_start[:-1], sole_start[1:]):
+        down.append(min(point(T[sole_joint[k]], sole_offset[k])[2] for k in range(first, last)))
+    down = np.array(down)
+    w = weight[:, 0]
+    if (w > 0.0).any():
+        shift = -(1.0 - np.prod(1.0 - w)) * (w**2 * down).sum() / (w**2).sum()
+        deepest = 0.0
+        for i, (upper, _, foot) in enumerate(legs):
+            goal = T[foot, :3, 3] + [*place[i], -w[i] * down[i]]
+            away = goal - T[upper, :3, 3]
+            length = 0.9995 * reach[i]
+            high = np.sqrt(max(length**2 - away[0] ** 2 - away[1] ** 2, 0.0))
+            soft = 0.001 * reach[i]
+            excess = shift - away[2] - high
+            deepest = max(deepest, w[i] * soft * np.logaddexp(0.0, excess / soft))
+        shift -= deepest
+        T[:, 2, 3] += shift
+        down += shift
+    for i, leg in enumerate(legs):
+        up = -w[i] * down[i]
+        up -= weight[i, 1] * min(down[i] + up, 0.0)
+        T = bend_leg(T, leg, part[i], hinge[i], T[leg[2], :3, 3] + [*place[i], up])
+    return T
