@@ -33,6 +33,8 @@ _LIMITS = (0.03, 0.09, 0.25, 0.9, 0.15)
 _LEG = ("UpperLeg", "LowerLeg", "Foot")
 _DOWNWARD = 0.2
 """Directions that reach no higher look for points of the sole."""
+_ROLLS = 0.3
+"""How much a foot that stands on its ball alone leads the root."""
 _BALL = 0.7
 """Where the ball of a foot is between ankle and toes, where no joint tells."""
 
@@ -78,7 +80,7 @@ class Feet:
         self._standing, self._faded, self._weight, self._depth, self._place = np.zeros((5, f, 2))
         self._stretch = np.zeros((f, 2))
         self._before = np.zeros((f, 2, 3))
-        self._stands = np.zeros((f, 2))
+        self._stands = np.zeros((f, 3))
         self._limits = np.array([*_LIMITS, 0.0]) * (leg_length(source.marks) or 1.0)
         self._limits[5] = _FADING
         self._time: float | None = None
@@ -126,8 +128,10 @@ class Feet:
         )  # fmt: skip
         self._stands[:, 0] = 1.0 - (1.0 - self._weight[:, 0]) * (1.0 - self._weight[:, 1])
         self._stands[:, 1] = self._depth[:, 0]
+        # A foot that rolls off would pull the body down after its heel.
+        self._stands[:, 2] = 1.0 - (1.0 - self._weight[:, 0]) * (1.0 - _ROLLS * self._weight[:, 1])
         ground(
-            T_world_joint, self._legs, self._part, self._hinge, self._reach, self._stands,
+            T_world_joint, self._legs, self._part, self._hinge, self._ahead, self._reach, self._stands,
             self._place, self._sole_joint, self._sole_offset, self._sole_start,
         )  # fmt: skip
 

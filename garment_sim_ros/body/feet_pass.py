@@ -19,6 +19,14 @@ _HINGE = 0.3
 _HARD = 0.001
 """Softness with which the root keeps within reach, in lengths of the leg: more would bend straight
 knees."""
+_DIP = 0.02
+"""How far the root goes down at most for legs that do not reach, in lengths of the leg."""
+_LEVER = 0.05
+"""Length of a foot below which it does not point, likewise."""
+_POINTING = 0.5
+"""How far it points at most [rad]."""
+_PULL = 0.03
+"""How far a foot on its ball alone is pulled down, in lengths of the leg."""
 _FLAT = 0.2
 """Least length of a foot's forward direction along the ground from which it can be told."""
 
@@ -258,7 +266,46 @@ def _step(low, high, value):
 
 
 @kernel()
-def ground(T, legs, part, hinge, reach, weight, place, sole_joint, sole_offset, sole_start):
+def _point_foot(T, ankle, part, ahead, reach, weight, sole_joint, sole_offset):
+    """Turn a foot that stands and does not reach the ground down towards it, about its ankle."""
+    least = np.inf
+    lever = 0.0
+    A = T[ankle]
+    fx = A[0, 0] * ahead[0] + A[0, 1] * ahead[1] + A[0, 2] * ahead[2]
+    fy = A[1, 0] * ahead[0] + A[1, 1] * ahead[1] + A[1, 2] * ahead[2]
+    length = max(np.sqrt(fx * fx + fy * fy), _FLAT)
+    fx, fy = fx / length, fy / length
+    for k in range(sole_joint.shape[0]):
+        R, o = T[sole_joint[k]], sole_offset[k]
+        height = R[2, 0] * o[0] + R[2, 1] * o[1] + R[2, 2] * o[2] + R[2, 3]
+        if height < least:
+            least = height
+            x = R[0, 0] * o[0] + R[0, 1] * o[1] + R[0, 2] * o[2] + R[0, 3] - A[0, 3]
+            y = R[1, 0] * o[0] + R[1, 1] * o[1] + R[1, 2] * o[2] + R[1, 3] - A[1, 3]
+            lever = fx * x + fy * y
+    if least <= 0.0 or weight <= 0.0 or fx * fx + fy * fy < 0.25:
+        return
+    own = _LEVER * reach
+    angle = weight * least * lever / (lever * lever + own * own)
+    angle = _POINTING * np.tanh(angle / _POINTING)
+    c, s, away = np.cos(angle), np.sin(angle), 1.0 / np.sqrt(fx * fx + fy * fy)
+    nx, ny = -fy * away, fx * away
+    turn, place = np.empty((3, 3)), np.empty(3)
+    turn[0, 0], turn[1, 1], turn[2, 2] = c + (1.0 - c) * nx * nx, c + (1.0 - c) * ny * ny, c
+    turn[0, 1] = turn[1, 0] = (1.0 - c) * nx * ny
+    turn[0, 2], turn[2, 0] = s * ny, -s * ny
+    turn[1, 2], turn[2, 1] = -s * nx, s * nx
+    for k in range(3):
+        place[k] = A[k, 3]
+    for j in range(T.shape[0]):
+        if part[j] == FOOT:
+            _move(T[j], turn, place, place)
+
+
+@kernel()
+def ground(
+    T, legs, part, hinge, ahead, reach, weight, place, sole_joint, sole_offset, sole_start
+):  # fmt: skip
     """Put feet on the ground where they stand, and keep others out of it.
 
     The root goes the mean way of the feet that stand, and down where a leg does not reach; what
@@ -269,8 +316,10 @@ def ground(T, legs, part, hinge, reach, weight, place, sole_joint, sole_offset, 
         legs: Upper leg, lower leg and foot of each leg, shape [f, 3].
         part: What each joint moves with, for each leg, shape [f, n].
         hinge: Axis of each knee in the upper leg's frame, shape [f, 3].
+        ahead: Forward in each foot's frame, when it stands flat, shape [f, 3].
         reach: Length of each leg, thigh and shank [m], shape [f].
-        weight: How much each foot stands, and is kept out of the ground, 0 to 1, shape [f, 2].
+        weight: How much each foot stands, is kept out of the ground, and leads the root, 0 to 1,
+            shape [f, 3].
         place: Way on the ground that each ankle is off where it shall be [m], shape [f, 2].
         sole_joint: Joint of each point of the soles, shape [p].
         sole_offset: That point in the joint's frame [m], shape [p, 3].
@@ -280,15 +329,16 @@ def ground(T, legs, part, hinge, reach, weight, place, sole_joint, sole_offset, 
     down = np.zeros(f)
     standing = 0.0
     none = 1.0
+    most = 1e-9
     for i in range(f):
         points = slice(sole_start[i], sole_start[i + 1])
         down[i] = lowest(T, sole_joint[points], sole_offset[points])
-        standing += weight[i, 0] ** 2
-        none *= 1.0 - weight[i, 0]
+        standing += weight[i, 2] ** 2
+        none *= 1.0 - weight[i, 2]
     if standing > 0.0:
         shift = 0.0
         for i in range(f):
-            shift -= (1.0 - none) * weight[i, 0] ** 2 / standing * down[i]
+            shift -= (1.0 - none) * weight[i, 2] ** 2 / standing * down[i]
         # Legs that would have to be longer than they are take the root down with them.
         more = 0.0
         for i in range(f):
@@ -302,7 +352,10 @@ def ground(T, legs, part, hinge, reach, weight, place, sole_joint, sole_offset, 
             excess = (z - high) / hard
             wish = excess if excess > 30.0 else np.log1p(np.exp(excess))
             more = max(more, weight[i, 0] * hard * wish)
-        shift -= more
+        # Not far: rather a foot that points than a body that bobs.
+        for i in range(f):
+            most = max(most, _DIP * reach[i])
+        shift -= most * np.tanh(more / most)
         for j in range(T.shape[0]):
             T[j, 2, 3] += shift
         for i in range(f):
@@ -310,6 +363,9 @@ def ground(T, legs, part, hinge, reach, weight, place, sole_joint, sole_offset, 
     goal = np.empty(3)
     for i in range(f):
         up = -weight[i, 0] * down[i]
+        if up < 0.0:  # a foot that rolls off is not pulled far: its knee would snap when let go
+            most = reach[i] * (_PULL + weight[i, 2] ** 4)
+            up = -most * np.tanh(-up / most)
         left = down[i] + up
         if left < 0.0:
             up -= weight[i, 1] * left
@@ -318,3 +374,8 @@ def ground(T, legs, part, hinge, reach, weight, place, sole_joint, sole_offset, 
         goal[1] = ankle[1, 3] + place[i, 1]
         goal[2] = ankle[2, 3] + up
         bend_leg(T, legs[i], part[i], hinge[i], goal)
+        points = slice(sole_start[i], sole_start[i + 1])
+        _point_foot(
+            T, legs[i, 2], part[i], ahead[i], reach[i], weight[i, 0],
+            sole_joint[points], sole_offset[points],
+        )  # fmt: skip

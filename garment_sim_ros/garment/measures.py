@@ -123,8 +123,9 @@ class Measures:
 
     @cached_property
     def height(self) -> float:
-        """Extent of the skin from the soles to the top [m]."""
-        return float(np.ptp(self.vertices[:, 2]))
+        """Extent of skin and joints from the soles to the top [m]: heads and feet may be missing."""
+        joints = [self.joint(bone)[2] for bone in self.body.humanoid]
+        return float(np.ptp(np.concatenate([self.vertices[:, 2], joints])))
 
     @cached_property
     def unit(self) -> float:

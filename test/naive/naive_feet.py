@@ -101,16 +101,16 @@ def missed(T_source, T, joint, offset, foot, target_offset, ahead, stretch, scal
     return place
 
 
-def ground(T, legs, part, hinge, reach, weight, place, sole_joint, sole_offset, sole_start):
+def ground(T, legs, part, hinge, ahead, reach, weight, place, sole_joint, sole_offset, sole_start):
     """See `feet_pass.ground`; returns the new poses."""
     T = T.copy()
     down = []
     for first, last in zip(sole_start[:-1], sole_start[1:]):
         down.append(min(point(T[sole_joint[k]], sole_offset[k])[2] for k in range(first, last)))
     down = np.array(down)
-    w = weight[:, 0]
-    if (w > 0.0).any():
-        shift = -(1.0 - np.prod(1.0 - w)) * (w**2 * down).sum() / (w**2).sum()
+    w, lead = weight[:, 0], weight[:, 2]
+    if (lead > 0.0).any():
+        shift = -(1.0 - np.prod(1.0 - lead)) * (lead**2 * down).sum() / (lead**2).sum()
         deepest = 0.0
         for i, (upper, _, foot) in enumerate(legs):
             goal = T[foot, :3, 3] + [*place[i], -w[i] * down[i]]
@@ -120,11 +120,28 @@ def ground(T, legs, part, hinge, reach, weight, place, sole_joint, sole_offset, 
             soft = 0.001 * reach[i]
             excess = shift - away[2] - high
             deepest = max(deepest, w[i] * soft * np.logaddexp(0.0, excess / soft))
-        shift -= deepest
+        shift -= 0.02 * max(reach) * np.tanh(deepest / (0.02 * max(reach)))
         T[:, 2, 3] += shift
         down += shift
     for i, leg in enumerate(legs):
         up = -w[i] * down[i]
+        if up < 0.0:
+            most = reach[i] * (0.03 + lead[i] ** 4)
+            up = most * np.tanh(up / most)
         up -= weight[i, 1] * min(down[i] + up, 0.0)
         T = bend_leg(T, leg, part[i], hinge[i], T[leg[2], :3, 3] + [*place[i], up])
+        ankle = T[leg[2]].copy()
+        forward = (ankle[:3, :3] @ ahead[i]) * [1.0, 1.0, 0.0]
+        forward /= max(np.linalg.norm(forward), 0.2)
+        points = range(sole_start[i], sole_start[i + 1])
+        lowest = min((point(T[sole_joint[k]], sole_offset[k]) for k in points), key=lambda x: x[2])
+        if lowest[2] <= 0.0 or w[i] <= 0.0 or forward @ forward < 0.25:
+            continue
+        lever = forward @ (lowest - ankle[:3, 3])
+        angle = w[i] * lowest[2] * lever / (lever**2 + (0.05 * reach[i]) ** 2)
+        axis = unit(np.cross([0.0, 0.0, 1.0], forward))
+        turn = Rotation.from_rotvec(0.5 * np.tanh(angle / 0.5) * axis)
+        for j in np.flatnonzero(part[i] == 2):
+            T[j, :3, :3] = turn.as_matrix() @ T[j, :3, :3]
+            T[j, :3, 3] = ankle[:3, 3] + turn.apply(T[j, :3, 3] - ankle[:3, 3])
     return T

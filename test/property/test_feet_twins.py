@@ -73,9 +73,9 @@ def test_contact_and_grounding_are_alike(feet, seed):
     place = np.zeros((2, 2))
     missed(*arguments, place)
     np.testing.assert_allclose(place, naive_feet.missed(*arguments), atol=1e-12)
-    for weights in (weight, np.zeros((2, 2)), np.ones((2, 2))):
+    for weights in (rng.uniform(size=(2, 3)), np.zeros((2, 3)), np.ones((2, 3))):
         arguments = (
-            *(f._legs, f._part, f._hinge, f._reach, weights, place),
+            *(f._legs, f._part, f._hinge, f._ahead, f._reach, weights, place),
             *(f._sole_joint, f._sole_offset, f._sole_start),
         )
         got = T.copy()

@@ -106,7 +106,7 @@ class Feeder:
 
 @pytest.fixture(scope="module")
 def node(start_node):
-    return start_node("collider_node", NAMESPACE)
+    return start_node("collider_node", NAMESPACE, ground_feet=False)
 
 
 @pytest.fixture(scope="module")
