@@ -1,5 +1,7 @@
 """Grounding of feet again, by rotation objects and one joint at a time."""
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -105,7 +107,7 @@ def ground(T, legs, part, hinge, ahead, reach, weight, place, sole_joint, sole_o
     """See `feet_pass.ground`; returns the new poses."""
     T = T.copy()
     down = []
-    for first, last in zip(sole_start[:-1], sole_start[1:]):
+    for first, last in itertools.pairwise(sole_start):
         down.append(min(point(T[sole_joint[k]], sole_offset[k])[2] for k in range(first, last)))
     down = np.array(down)
     w, lead = weight[:, 0], weight[:, 2]

@@ -1,14 +1,16 @@
 """Grounding of feet against its naive twin, from random poses."""
 
+import itertools
+
 import numpy as np
 import pytest
+from naive import naive_feet
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.body.feet_pass import bend_leg, ground, missed, watch
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.mocap.walk import walk
-from naive import naive_feet
 
 
 @pytest.fixture(scope="module", params=["mannequin:vertices=1500", "CesiumMan.glb"])
@@ -46,7 +48,7 @@ def test_a_leg_is_bent_alike_and_reaches_its_goal(feet, seed):
         np.testing.assert_allclose(got[joints[2], :3, :3], T[joints[2], :3, :3], atol=1e-12)
         R = got[:, :3, :3]
         np.testing.assert_allclose(R @ R.transpose(0, 2, 1), np.eye(3)[None] + 0 * R, atol=1e-9)
-        for j, k in zip(joints[:-1], joints[1:]):
+        for j, k in itertools.pairwise(joints):
             bone = [np.linalg.norm(P[k, :3, 3] - P[j, :3, 3]) for P in (got, T)]
             assert bone[0] == pytest.approx(bone[1], abs=1e-12)
 
