@@ -49,21 +49,21 @@ def main() -> None:
         simulation.advance(poses, poses)
         field = wind_field(environment)
         grips = [
-            (WindOnCloth(field, simulation.model(g.name)), simulation.state(g.name).copy())
+            (WindOnCloth(simulation.model(g.name)), simulation.state(g.name).copy())
             for g in garments
-            if field
+            if field.drag or field.lift
         ]
-        scenes[name] = simulation, grips
+        scenes[name] = simulation, field, grips
     step = {name: [] for name in scenes}
     alone = {name: [] for name in scenes}
     for _ in range(options.rounds):
-        for name, (simulation, grips) in scenes.items():
+        for name, (simulation, field, grips) in scenes.items():
             begin = time.thread_time()
             simulation.advance(poses, poses)
             step[name].append(time.thread_time() - begin)
             begin = time.thread_time()
             for grip, state in grips:
-                grip.blow(state, simulation.origin, simulation.time, simulation.solver_step)
+                grip.blow(field, state, simulation.origin, simulation.time, simulation.solver_step)
             alone[name].append(time.thread_time() - begin)
     result = {
         "particles": sum(len(g.vertices) for g in garments),

@@ -3,8 +3,10 @@
 import dataclasses
 
 from garment_sim_ros.declaration import Declaration as Declaration
+from garment_sim_ros.declaration import Needs, needs, needs_any
 from garment_sim_ros.declaration import checked as checked
 from garment_sim_ros.declaration import declarations as declarations
+from garment_sim_ros.declaration import idle as idle
 from garment_sim_ros.declaration import markdown_table as markdown_table
 from garment_sim_ros.declaration import parameter as parameter
 from garment_sim_ros.declaration import validated as validated
@@ -55,6 +57,10 @@ class Material:
     )
 
 
+_AIR = needs_any("wind_drag", "wind_lift")
+_GUSTS = (needs_any("gust"), _AIR)
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Environment:
     """Outer forces on all garments."""
@@ -83,24 +89,34 @@ class Environment:
     )
     gust: float = parameter(
         0.0,
-        "Root mean square speed of noise on the wind; acts through wind_drag and wind_lift.",
+        "Root mean square speed of noise on the wind.",
         unit="m/s",
         minimum=0.0,
         maximum=200.0,
+        needs=(_AIR,),
     )
     gust_shortest: float = parameter(
-        0.3, "Shortest wavelength of the noise.", unit="m", minimum=0.01, maximum=1e3
+        0.3, "Shortest wavelength of the noise.", unit="m", minimum=0.01, maximum=1e3, needs=_GUSTS
     )
     gust_longest: float = parameter(
-        3.0, "Longest wavelength of the noise.", unit="m", minimum=0.01, maximum=1e3
+        3.0, "Longest wavelength of the noise.", unit="m", minimum=0.01, maximum=1e3, needs=_GUSTS
     )
     gust_change: float = parameter(
-        0.5, "Rate at which the noise changes by itself.", unit="1/s", minimum=0.0, maximum=100.0
+        0.5,
+        "Rate at which the noise changes by itself.",
+        unit="1/s",
+        minimum=0.0,
+        maximum=100.0,
+        needs=_GUSTS,
     )
-    gust_waves: int = parameter(24, "Plane waves that make up the noise.", minimum=1, maximum=512)
-    gust_divergence_free: bool = parameter(True, "Noise in which no air appears or vanishes.")
+    gust_waves: int = parameter(
+        24, "Plane waves that make up the noise.", minimum=1, maximum=512, needs=_GUSTS
+    )
+    gust_divergence_free: bool = parameter(
+        True, "Noise in which no air appears or vanishes.", needs=_GUSTS
+    )
     gust_seed: int = parameter(
-        1, "The same seed gives the same noise.", minimum=0, maximum=2**31 - 1
+        1, "The same seed gives the same noise.", minimum=0, maximum=2**31 - 1, needs=_GUSTS
     )
     root_linear_inertia: float = parameter(
         1.0,
@@ -129,9 +145,14 @@ class RelaxationSettings:
         "To an earliest hit: by the surface's normal with friction and restitution, without "
         "either, or reflected along the ray from the centre.",
         choices=("surface", "inelastic", "reflection"),
+        needs=(needs("contact", "earliest"),),
     )
     restitution: float = parameter(
-        0.0, "Share of normal velocity that an earliest hit gives back.", minimum=0.0, maximum=1.0
+        0.0,
+        "Share of normal velocity that an earliest hit gives back.",
+        minimum=0.0,
+        maximum=1.0,
+        needs=(needs("contact", "earliest"), needs("response", "surface")),
     )
 
 
@@ -160,7 +181,9 @@ class MocapPlayerParameters:
     )
     loop: bool = parameter(True, "Begin again after the end, or stand still there.")
     travel: bool = parameter(
-        True, "A loop goes on from where it ended, so that a walk walks on; else it goes back."
+        True,
+        "A loop goes on from where it ended, so that a walk walks on; else it goes back.",
+        needs=(needs("loop", True),),
     )
     publish_clock: bool = parameter(
         False, "Be the clock of a simulated time that begins at 0: publish /clock."
@@ -168,43 +191,70 @@ class MocapPlayerParameters:
     frame_id: str = parameter("world", "Frame of the skeleton's root, z up.")
 
 
+_ON_HULLS = (needs("method", "hulls"),)
+_ON_HULLS_AND_GRIDS = (needs("method", "hulls", "sdf"),)
+_ON_GRIDS = (needs("method", "sdf"),)
+_ON_ELLIPSOIDS = (needs("method", "ellipsoids"),)
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class HullSettings:
     """How to fit hulls; all other methods but the mesh take `delta` of these."""
 
     delta: float = parameter(
-        0.003, "Inflation of all shapes.", unit="m", minimum=0.0, maximum=0.05
+        0.003,
+        "Inflation of all shapes.",
+        unit="m",
+        minimum=0.0,
+        maximum=0.05,
+        needs=(needs("method", "hulls", "capsules", "ellipsoids", "spheres", "sdf"),),
     )
     max_faces: int = parameter(
-        80, "Triangles that a hull is simplified to, where that fits.", minimum=4, maximum=100000
+        80,
+        "Triangles that a hull is simplified to, where that fits.",
+        minimum=4,
+        maximum=100000,
+        needs=_ON_HULLS,
     )
     reach: float = parameter(
-        3.0, "Farthest that a simplified hull reaches out, in deltas.", minimum=1.0, maximum=100.0
+        3.0,
+        "Farthest that a simplified hull reaches out, in deltas.",
+        minimum=1.0,
+        maximum=100.0,
+        needs=_ON_HULLS,
     )
     placement: str = parameter(
         "quadric",
         "Where simplified corners go: near the inflated hull, or as tight as allowed.",
         choices=("quadric", "volume"),
+        needs=_ON_HULLS,
     )
     inflation: str = parameter(
         "vertices",
         "What moves out by delta: corners, as in the paper, or faces, which then get all of it.",
         choices=("vertices", "planes"),
+        needs=_ON_HULLS,
     )
     merge: float = parameter(
-        0.0, "A region with a smaller share of the skin joins the next.", minimum=0.0, maximum=1.0
+        0.0,
+        "A region with a smaller share of the skin joins the next.",
+        minimum=0.0,
+        maximum=1.0,
+        needs=_ON_HULLS_AND_GRIDS,
     )
     split: float = parameter(
         0.005,
         "A region is cut in two where that saves this share of all hulls' volume; 1 for never.",
         minimum=1e-4,
         maximum=1.0,
+        needs=_ON_HULLS,
     )
     joints: str = parameter(
         "auto",
         "Colliders at joints: half-turning spheres in the skin, or hulls where these leave much "
         "open; spheres that contain all that bends (the paper's); or none.",
         choices=("auto", "spheres", "none"),
+        needs=_ON_HULLS_AND_GRIDS,
     )
 
 
@@ -213,7 +263,12 @@ class SdfSettings:
     """How to sample signed distances."""
 
     voxel: float = parameter(
-        0.01, "Distance of an sdf's samples.", unit="m", minimum=0.001, maximum=0.1
+        0.01,
+        "Distance of an sdf's samples.",
+        unit="m",
+        minimum=0.001,
+        maximum=0.1,
+        needs=_ON_GRIDS,
     )
 
 
@@ -222,38 +277,64 @@ class EllipsoidSettings:
     """How to fit ellipsoids."""
 
     mu_torso: float = parameter(
-        0.018, "Fit error that splits one of the torso.", unit="m", minimum=1e-6, maximum=1.0
+        0.018,
+        "Fit error that splits one of the torso.",
+        unit="m",
+        minimum=1e-6,
+        maximum=1.0,
+        needs=_ON_ELLIPSOIDS,
     )
     mu_limb: float = parameter(
-        0.012, "The same of head, arms and legs.", unit="m", minimum=1e-6, maximum=1.0
+        0.012,
+        "The same of head, arms and legs.",
+        unit="m",
+        minimum=1e-6,
+        maximum=1.0,
+        needs=_ON_ELLIPSOIDS,
     )
     mu: str = parameter(
-        "", "The same of single regions: REGION=M, several apart by spaces, as left_thigh=0.03."
+        "",
+        "The same of single regions: REGION=M, several apart by spaces, as left_thigh=0.03.",
+        needs=_ON_ELLIPSOIDS,
     )
     sigma: float = parameter(
-        1e-3, "K-means stops where centres move by no more.", unit="m", minimum=0.0, maximum=1.0
+        1e-3,
+        "K-means stops where centres move by no more.",
+        unit="m",
+        minimum=0.0,
+        maximum=1.0,
+        needs=_ON_ELLIPSOIDS,
     )
     max_ellipsoids: int = parameter(
-        90, "Most ellipsoids; those that fit worst are split first.", minimum=15, maximum=1000
+        90,
+        "Most ellipsoids; those that fit worst are split first.",
+        minimum=15,
+        maximum=1000,
+        needs=_ON_ELLIPSOIDS,
     )
     segmentation: str = parameter(
         "auto",
         "Regions by the rig's joints where it has them, by the rig, by the surface alone, by the "
         "paper's constants, or the body as a whole.",
         choices=("auto", "rig", "surface", "table1", "none"),
+        needs=_ON_ELLIPSOIDS,
     )
-    refit: bool = parameter(True, "Ellipsoids at joints are fitted again in every pose.")
+    refit: bool = parameter(
+        True, "Ellipsoids at joints are fitted again in every pose.", needs=_ON_ELLIPSOIDS
+    )
+
+
+METHODS = ("hulls", "capsules", "ellipsoids", "spheres", "sdf", "mesh")
+"""Kinds of colliders."""
+METHOD_ALIASES = {name.removesuffix("s"): name for name in METHODS if name.endswith("s")}
+"""Other spellings of them."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _ColliderKind:
     """The first of `ColliderOptions`."""
 
-    method: str = parameter(
-        "hulls",
-        "Kind of colliders.",
-        choices=("hulls", "capsules", "ellipsoids", "spheres", "sdf", "mesh"),
-    )
+    method: str = parameter("hulls", "Kind of colliders.", choices=METHODS, aliases=METHOD_ALIASES)
     thickness: float = parameter(
         0.002, "Distance that cloth keeps on top.", unit="m", minimum=0.0, maximum=0.1
     )
@@ -272,7 +353,9 @@ class _Avatar:
         "mannequin", "The avatar's body file, or 'mannequin'; empty: robot_description is it."
     )
     bone_names: str = parameter(
-        "", "YAML file: humanoid bone to joint of robot_description, where names do not tell."
+        "",
+        "YAML file: humanoid bone to joint of robot_description, where names do not tell.",
+        needs=(Needs(("body",), (), "a body"),),
     )
     body_bone_names: str = parameter(
         "", "YAML file: humanoid bone to joint of the body, where names do not tell."
@@ -318,20 +401,30 @@ class ClothNodeParameters:
         "", "YAML file: humanoid bone to joint of the body, where names do not tell."
     )
     outfit: str = parameter("", "Outfit file; empty: a T-shirt and a short skirt.")
-    rate: float = parameter(60.0, "Frames per second.", unit="Hz", minimum=1.0, maximum=1000.0)
+    rate: float = parameter(
+        60.0,
+        "Frames per second.",
+        unit="Hz",
+        minimum=1.0,
+        maximum=1000.0,
+        needs=(needs("step_on", "timer"),),
+    )
     delay: float = parameter(
         -1.0,
         "How far the cloth stays behind the newest poses; below 0: one input period.",
         unit="s",
         minimum=-1.0,
         maximum=10.0,
+        needs=(needs("step_on", "timer"),),
     )
     step_on: str = parameter(
         "timer",
         "What advances the cloth: time, or every message of collider_poses, reproducibly.",
         choices=("timer", "poses"),
     )
-    solver: str = parameter("relaxation", "Name of the solver.")
+    solver: str = parameter(
+        "relaxation", "Name of the solver.", choices=("relaxation", "xpbd", "implicit")
+    )
     solver_step: float = parameter(
         1 / 180, "Fixed step of the solver.", unit="s", minimum=1e-4, maximum=0.5
     )
@@ -342,6 +435,7 @@ class ClothNodeParameters:
         unit="s",
         minimum=0.01,
         maximum=10.0,
+        needs=(needs("step_on", "timer"),),
     )
     teleport_speed: float = parameter(
         30.0,
@@ -349,6 +443,7 @@ class ClothNodeParameters:
         unit="m/s",
         minimum=1.0,
         maximum=1e6,
+        needs=(needs("on_teleport", "reset", "keep"),),
     )
     teleport_turn_rate: float = parameter(
         105.0,
@@ -356,6 +451,7 @@ class ClothNodeParameters:
         unit="rad/s",
         minimum=1.0,
         maximum=1e6,
+        needs=(needs("on_teleport", "reset", "keep"),),
     )
     on_teleport: str = parameter(
         "reset",
@@ -393,7 +489,9 @@ class XpbdSettings:
         minimum=1,
         maximum=64,
     )
-    coarse: bool = parameter(False, "Less stretch with few sub-steps (and one iteration).")
+    coarse: bool = parameter(
+        False, "Less stretch with few sub-steps.", needs=(needs("iterations", 1),)
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -181,6 +181,14 @@ class _PlainLoader(_LOADER):
         return number
 
 
+_PlainLoader.add_implicit_resolver(
+    # YAML 1.2 has these among its numbers, the 1.1 of the base class does not: 1e-5, 2E3.
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+$"),
+    list("-+.0123456789"),
+)
+
+
 _PlainLoader.add_constructor("tag:yaml.org,2002:int", _PlainLoader.construct_yaml_int)
 
 

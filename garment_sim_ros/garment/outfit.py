@@ -1,5 +1,6 @@
 """Outfits: the garments of a file made for one body."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from garment_sim_ros.garment.generators import GENERATORS
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh, load_garment_mesh
 from garment_sim_ros.garment.outfit_file import GarmentEntry, OutfitFile, read_outfit
-from garment_sim_ros.params import ColliderOptions
+from garment_sim_ros.params import ColliderOptions, idle
 from garment_sim_ros.sim.self_collision.garment import own_distance
 
 
@@ -79,6 +80,13 @@ def make_outfit(
         garment, remarks = _make(file.source, entry, measures, colliders, made)
         garments.append(garment)
         notes += [f"{entry.name}: {remark}" for remark in remarks]
+        holds = entry.holds
+        if holds.damping and holds.stiffness == math.inf and isinstance(entry.attachments, str):
+            notes.append(
+                f"{entry.name}: attachment_damping: found {holds.damping:g}, which does "
+                "nothing; it acts with an attachment_stiffness"
+            )
+    notes += [f"colliders: {remark}" for remark in idle(file.colliders)]
     return Outfit(
         name=file.name,
         garments=tuple(garments),

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from garment_sim_ros.colliders.ellipsoids.thresholds import tightest
+from garment_sim_ros.declaration import nearest
 from garment_sim_ros.errors import InputFileError, ParameterError
 from garment_sim_ros.garment.dressing import AUTOMATIC, NONE, Attachment, Holds, VertexDistance
 from garment_sim_ros.garment.generators import GENERATORS
@@ -357,7 +358,10 @@ def _mapping(where: str, value: object, keys: Sequence[str] = ()) -> Mapping[str
         raise ParameterError(where, f"found {repr(value)[:60]}", "allowed: a mapping of names")
     unknown = sorted(set(value) - set(keys)) if keys else []
     if unknown:
+        alike = nearest(unknown[0], keys)
         raise ParameterError(
-            where, f"unknown key {unknown[0][:60]!r}", "allowed: " + ", ".join(keys)
+            where,
+            f"unknown key {unknown[0][:60]!r}{f', perhaps {alike}' if alike else ''}",
+            "allowed: " + ", ".join(keys),
         )
     return value

@@ -4,6 +4,8 @@ import math
 import sys
 import time
 from functools import partial
+from threading import Thread
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -14,7 +16,7 @@ from garment_sim_ros.body.missing_bones import missing_bones_of
 from garment_sim_ros.colliders.description import MAX_TEXT
 from garment_sim_ros.errors import MessageError, ParameterError
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, read_outfit
-from garment_sim_ros.params import ClothNodeParameters, Environment, declarations
+from garment_sim_ros.params import ClothNodeParameters, Environment
 from garment_sim_ros.ros import garment_publishers
 from garment_sim_ros.ros.cloth_stepper import POSE_COUNT, ClothStepper
 from garment_sim_ros.ros.conversions import StampedPoses, poses_from, text_from
@@ -27,7 +29,6 @@ from garment_sim_ros.ros.interfaces import (
     QUALITY,
 )
 from garment_sim_ros.ros.lifecycle import ManagedNode, run
-from garment_sim_ros.ros.parameters import NodeParameters
 from garment_sim_ros.ros.progress import reporting
 from garment_sim_ros.ros.rclpy_internals import PARTICIPANT, Taken
 from garment_sim_ros.ros.sources import OTHER_PUBLISHER, Source
@@ -35,12 +36,11 @@ from garment_sim_ros.sim.account import account, in_words
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.sim.warm_up import warm_up
-from garment_sim_ros.sim.world.wind_field import wind_field
+from garment_sim_ros.sim.world.wind_field import check_wind, compile_wind
 from garment_sim_ros.stamps import SECOND
 
 _FASTEST_INPUT = 1000.0
 """Poses may come this often without any being lost between two frames [Hz]."""
-_DYNAMIC_FORCES = ("gravity", "wind", "root_linear_inertia", "root_angular_inertia")
 _MOST_DESCRIBED = 4
 """Processes whose descriptions are kept, for the case that their poses are followed."""
 _WAIT = 0.1
@@ -53,19 +53,14 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
     """Simulates an outfit on colliders that others pose."""
 
     def __init__(self) -> None:
-        super().__init__("cloth_node", ClothNodeParameters, dynamic=("delay",))
-        self._environment = NodeParameters(
-            self,
+        super().__init__("cloth_node", ClothNodeParameters)
+        self._environment = self.declare(
             Environment,
-            dynamic=_DYNAMIC_FORCES,
             check=lambda environment: self._try(environment, self._settings.values),
             on_change=self._change_forces,
         )
-        group = _settings_of(self.parameters.solver)
-        self._settings = NodeParameters(
-            self,
-            group,
-            dynamic=tuple(declarations(group)),
+        self._settings = self.declare(
+            _settings_of(self.parameters.solver),
             check=lambda settings: self._try(self._environment.values, settings),
             on_change=self._change_forces,
         )
@@ -73,6 +68,8 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         self._topics: dict[str, GarmentPublishers] = {}
         self._qualities: list[GarmentQuality] = []
         self._early: list[StampedPoses] = []
+        self._forces_wait = False
+        self._wind_compiles: Thread | None = None
         self._paused = False
         self._frames = 0
         self._late_frames = 0
@@ -152,21 +149,32 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         if self._stepper is not None:
             self._stepper.delay = parameters.delay
 
-    def _try(self, environment: Environment, settings: object) -> None:
+    def _try(self, environment: Environment, settings: Any) -> None:
         """See whether values suit each other and the colliders.
 
         Raises:
             ParameterError: They do not.
         """
-        wind_field(environment)
+        check_wind(environment)
         if self._stepper is not None:
-            simulation = self._stepper.simulation
-            before = simulation.parameters
-            simulation.parameters = Parameters(environment=environment, settings=settings)
-            simulation.parameters = before
+            self._stepper.simulation.check(Parameters(environment=environment, settings=settings))
 
     def _change_forces(self, _: object) -> None:
-        if self._stepper is not None:
+        # Wind on triangles that was not asked for before is compiled first, beside the cloth.
+        self._forces_wait = True
+        environment = self._environment.values
+        if (environment.wind_drag or environment.wind_lift) and self._wind_compiles is None:
+            self._wind_compiles = Thread(target=compile_wind, daemon=True)
+            self._wind_compiles.start()
+        self.tell_idle()
+
+    def _take_forces(self) -> None:
+        """Have parameters that were set act, once all that they run is compiled."""
+        compiles = self._wind_compiles
+        if self._stepper is None or not self._forces_wait:
+            return
+        if compiles is None or not compiles.is_alive():
+            self._forces_wait = False
             self._stepper.simulation.parameters = self._forces()
 
     def _forces(self) -> Parameters:
@@ -326,6 +334,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
 
     def _advance(self, until: int, *, in_time: bool) -> bool:
         assert self._stepper is not None
+        self._take_forces()
         began = time.perf_counter()
         moved = self._stepper.advance(until, in_time=in_time)
         self._step_ms = 1e3 * (time.perf_counter() - began)
@@ -374,7 +383,7 @@ def _settings_of(solver: str) -> type:
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point of the executable."""
-    return run(ClothNode, argv)
+    return run("cloth_node", ClothNode, argv)
 
 
 if __name__ == "__main__":

@@ -306,7 +306,7 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point of the executable."""
-    return run(ColliderNode, argv)
+    return run("collider_node", ColliderNode, argv)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import Any, Generic, TypeVar
 
@@ -23,16 +23,23 @@ from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 
 from garment_sim_ros.errors import GarmentSimError, ParameterError
-from garment_sim_ros.params import LifecycleParameters
+from garment_sim_ros.nodes import NODES, version
+from garment_sim_ros.params import LifecycleParameters, idle
+from garment_sim_ros.ros.arguments import in_short, plain_numbers
 from garment_sim_ros.ros.diagnostics import Condition, Diagnostics, Rejections
 from garment_sim_ros.ros.inputs import Input, Inputs
 from garment_sim_ros.ros.interfaces import Topic, advertise, advertise_always
-from garment_sim_ros.ros.parameters import NodeParameters
+from garment_sim_ros.ros.parameters import NodeParameters, given_names, set_on
 from garment_sim_ros.ros.rclpy_internals import RCLError, Taken, activate, lifecycle_state
 from garment_sim_ros.ros.sources import Source
 from garment_sim_ros.ros.ticker import Ticker, Waits, spin
 
 Group = TypeVar("Group")
+Other = TypeVar("Other")
+
+_OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
+_OVERRIDES = "qos_overrides."
+"""What `rclpy` declares by itself."""
 
 _SWITCH_INTERVAL = 5e-4
 """Longest wait of a frame for a thread that makes something beside it in Python [s]."""
@@ -49,9 +56,9 @@ class ManagedNode(LifecycleNode, Generic[Group]):
     Args:
         name: The node's name.
         group: Its parameters.
-        dynamic: Names of those that may be set while it runs.
 
     Attributes:
+        card: What there is to know of it beforehand.
         parameters: Their values now.
         autostart: Whether it configures and activates itself.
         rejections: What it rejected.
@@ -60,12 +67,14 @@ class ManagedNode(LifecycleNode, Generic[Group]):
         inputs: What it takes in, in this order.
     """
 
-    def __init__(self, name: str, group: type[Group], *, dynamic: Collection[str] = ()) -> None:
+    _groups: tuple[NodeParameters[Any], ...] = ()
+
+    def __init__(self, name: str, group: type[Group]) -> None:
         super().__init__(name)
-        self._group_parameters = NodeParameters(
-            self, group, dynamic=dynamic, on_change=self.parameters_changed
-        )
-        self.autostart = NodeParameters(self, LifecycleParameters).values.autostart
+        self.card = NODES[name]
+        self._told: set[str] = set()
+        self._group_parameters = self.declare(group, on_change=self.parameters_changed)
+        self.autostart = self.declare(LifecycleParameters).values.autostart
         self.rejections = Rejections(self.get_logger().warning)
         self.failure: GarmentSimError | None = None
         self.ticker: Ticker | None = None
@@ -80,6 +89,53 @@ class ManagedNode(LifecycleNode, Generic[Group]):
     def parameters(self) -> Group:
         """Values of the node's parameters."""
         return self._group_parameters.values
+
+    def declare(
+        self,
+        group: type[Other],
+        *,
+        check: Callable[[Other], None] | None = None,
+        on_change: Callable[[Other], None] | None = None,
+    ) -> NodeParameters[Other]:
+        """Declare a group of parameters; those that the node's card says may be set later."""
+        made = NodeParameters(
+            self,
+            group,
+            dynamic=self.card.section(group).live,
+            check=check,
+            on_change=on_change,
+        )
+        self._groups = (*self._groups, made)
+        return made
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """As the base class does, for values in any spelling."""
+        plain, refusal = set_on(self, self._groups, parameter_list)
+        if refusal:
+            return SetParametersResult(successful=False, reason=refusal)
+        return super().set_parameters_atomically(plain)
+
+    def set_parameters(self, parameter_list: list[Parameter]) -> list[SetParametersResult]:
+        """One after the other."""
+        return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
+
+    def idle(self) -> list[str]:
+        """What was set and does nothing, a sentence each; see `declaration.idle`."""
+        return [line for group in self._groups for line in idle(group.values)]
+
+    def tell_idle(self) -> None:
+        """Warn, once each, of parameters that do nothing."""
+        known = {*(name for group in self._groups for name in group.names), *_OF_EVERY_NODE}
+        solver = getattr(self.parameters, "solver", "")
+        unknown = [
+            self.card.unknown(name, solver)
+            for name in given_names(self)
+            if name not in known and not name.startswith(_OVERRIDES)
+        ]
+        for line in (*unknown, *self.idle()):
+            if line not in self._told:
+                self._told.add(line)
+                self.get_logger().warning(line)
 
     def prepare(self) -> None:
         """Load what is needed and make publishers and subscriptions."""
@@ -239,10 +295,13 @@ class ManagedNode(LifecycleNode, Generic[Group]):
             else:
                 self.destroy_publisher(publisher)
         self._advertised.clear()
+        # What was loaded is large, and holds itself in circles.
+        gc.collect()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Prepare; a file or parameter that is not allowed leaves the node unconfigured."""
         self.failure = None
+        self.tell_idle()
         try:
             self.prepare()
         except GarmentSimError as error:
@@ -321,23 +380,33 @@ class _StopSignals:
         signal.signal(signal.SIGALRM, signal.SIG_IGN)
 
 
-def run(make_node: Callable[[], ManagedNode[Any]], argv: list[str] | None = None) -> int:
+def run(
+    name: str, make_node: Callable[[], ManagedNode[Any]], argv: list[str] | None = None
+) -> int:
     """Run a node until SIGINT, SIGTERM or the end of its context.
 
+    With `--help` or `--version` it tells about itself instead.
+
     Args:
+        name: The node's name.
         make_node: Makes the node.
         argv: Command line with ROS arguments; that of the process where None.
 
     Returns:
         Exit code: 0, or 2 for a parameter or file that is not allowed, after one line about it.
     """
+    words = sys.argv[1:] if argv is None else argv
+    if asked := {"-h", "--help", "--version"}.intersection(words):
+        print(version() if asked == {"--version"} else NODES[name].help())
+        return 0
     signals = _StopSignals()
     sys.setswitchinterval(_SWITCH_INTERVAL)
     # Sending happens in a thread of the middleware's: a slow reader does not delay a frame.
     os.environ.setdefault("RMW_FASTRTPS_PUBLICATION_MODE", "ASYNCHRONOUS")
     node: ManagedNode[Any] | None = None
     try:
-        rclpy.init(args=argv)
+        with plain_numbers(argv) as plain:
+            rclpy.init(args=plain)
         node = make_node()
         if node.autostart:
             _autostart(node)
@@ -357,7 +426,7 @@ def run(make_node: Callable[[], ManagedNode[Any]], argv: list[str] | None = None
     except RCLError as error:
         # The context is gone between two lines of a callback once a signal came.
         if not signals.asked:
-            print(f"error: {error}", file=sys.stderr, flush=True)
+            print(f"error: {in_short(error)}", file=sys.stderr, flush=True)
             return 2
     finally:
         signals.ended()

@@ -31,7 +31,7 @@ class MocapPlayer(ManagedNode[MocapPlayerParameters]):
     """Plays on an absolute schedule: stamps are evenly spaced and do not drift."""
 
     def __init__(self) -> None:
-        super().__init__("mocap_player", MocapPlayerParameters, dynamic=("speed",))
+        super().__init__("mocap_player", MocapPlayerParameters)
         self._sent = 0
         self._clip_time = 0.0
         self._stamp = 0
@@ -137,7 +137,7 @@ def _rate_of(clip: Clip) -> float:
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point of the executable."""
-    return run(MocapPlayer, argv)
+    return run("mocap_player", MocapPlayer, argv)
 
 
 if __name__ == "__main__":

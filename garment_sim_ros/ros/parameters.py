@@ -12,11 +12,11 @@ from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
     ParameterDescriptor,
-    SetParametersResult,
 )
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from garment_sim_ros.declaration import nearest
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.params import Declaration, checked, declarations
 
@@ -60,8 +60,13 @@ class NodeParameters(Generic[Group]):
                 for name, declaration in self._declarations.items()
             }
         )
-        node.add_on_set_parameters_callback(self._check)
+        self._live = frozenset(dynamic)
         node.add_post_set_parameters_callback(self._take)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the group's parameters."""
+        return tuple(self._declarations)
 
     def _declare(self, node: Node, declaration: Declaration, *, read_only: bool) -> Any:
         name, default = declaration.name, declaration.default
@@ -75,14 +80,22 @@ class NodeParameters(Generic[Group]):
         )
         return value
 
-    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        try:
-            changes = self._changes(parameters)
-            if changes and self._check_together is not None:
-                self._check_together(replace(self.values, **changes))  # type: ignore[type-var]
-        except ParameterError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+    def taken(self, parameters: Sequence[Parameter]) -> dict[str, Parameter]:
+        """Those of some parameters that are of this group, by name, of their declared types.
+
+        Raises:
+            ParameterError: A value is not allowed now, or not with the others.
+        """
+        mine = [p for p in parameters if p.name in self._declarations]
+        for p in mine:
+            if p.name not in self._live:
+                raise ParameterError(
+                    p.name, "is read-only while the node runs", "allowed: to set it at the start"
+                )
+        changes = self._changes(mine)
+        if changes and self._check_together is not None:
+            self._check_together(replace(self.values, **changes))  # type: ignore[type-var]
+        return {name: Parameter(name, value=_plain(value)) for name, value in changes.items()}
 
     def _take(self, parameters: Sequence[Parameter]) -> None:
         changes = self._changes(parameters)
@@ -100,6 +113,36 @@ class NodeParameters(Generic[Group]):
         }
 
 
+def set_on(
+    node: Node, groups: Sequence[NodeParameters[Any]], parameters: Sequence[Parameter]
+) -> tuple[list[Parameter], str]:
+    """Parameters as a node declares them, and why they cannot be set; empty if they can.
+
+    `rclpy` refuses a whole number for a real one, and in its own words, before any callback.
+    """
+    plain = {p.name: p for p in parameters}
+    try:
+        for name in plain:
+            if not node.has_parameter(name):
+                known = [n for group in groups for n in group.names]
+                alike = nearest(name, known)
+                raise ParameterError(
+                    name,
+                    f"is no parameter of {node.get_name()}{f', perhaps {alike}' if alike else ''}",
+                )
+        for group in groups:
+            plain.update(group.taken(parameters))
+    except ParameterError as error:
+        return [], str(error)
+    return list(plain.values()), ""
+
+
+def given_names(node: Node) -> tuple[str, ...]:
+    """Names of the parameters that the command line and parameter files give a node."""
+    # There is no public way to those that the node does not declare.
+    return tuple(getattr(node, "_parameter_overrides", {}))
+
+
 def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
@@ -107,7 +150,7 @@ def _plain(value: Any) -> Any:
 def _descriptor(declaration: Declaration, read_only: bool) -> ParameterDescriptor:
     unit = f" [{declaration.unit}]" if declaration.unit else ""
     descriptor = ParameterDescriptor(
-        description=declaration.text + unit,
+        description=declaration.described + unit,
         additional_constraints=declaration.allowed,
         read_only=read_only,
     )

@@ -56,7 +56,11 @@ def account(simulation: Simulation) -> dict[str, Any]:
             environment.wind_drag > 0.0 or environment.wind_lift > 0.0,
             "wind_drag and wind_lift are 0",
         ),
-        "gusts": _unless(environment.gust > 0.0, "gust is 0"),
+        "gusts": _unless(
+            environment.gust > 0.0
+            and (environment.wind_drag > 0.0 or environment.wind_lift > 0.0),
+            "gust is 0" if environment.gust == 0.0 else "wind_drag and wind_lift are 0",
+        ),
         "all of the body's own motion": _unless(
             inertia == (1.0, 1.0), f"{inertia[0]:g} of translation, {inertia[1]:g} of rotation"
         ),

@@ -105,6 +105,11 @@ class Parameters:
     environment: Environment
     settings: Any
 
+    def in_environment(self, environment: Environment) -> "Parameters":
+        """The same with other outer forces."""
+        same = environment is self.environment
+        return self if same else Parameters(environment=environment, settings=self.settings)
+
 
 def _frozen(array: NDArray[Any], dtype: type) -> NDArray[Any]:
     array = np.ascontiguousarray(array, dtype=dtype)

@@ -34,7 +34,7 @@ from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.sim.state import ColliderState, State
 from garment_sim_ros.sim.world.collider_motion import ColliderMotion
 from garment_sim_ros.sim.world.root_motion import TakenOut, take_along
-from garment_sim_ros.sim.world.wind_field import WindOnCloth, wind_field
+from garment_sim_ros.sim.world.wind_field import Wind, WindOnCloth, check_wind
 from garment_sim_ros.sim.worn import Worn
 
 FloatArray = NDArray[np.float64]
@@ -125,7 +125,10 @@ class Simulation:
         self._view = {n: GarmentView(w, self.origin) for n, w in self._worn.items()}
         self._at = ColliderPoses.identity(len(colliders))
         self._is_on = False
-        self.parameters = parameters_of(solver, environment, settings, parameters)
+        self._grips: dict[str, WindOnCloth] = {}
+        asked = parameters_of(solver, environment, settings, parameters)
+        self._wind = Wind(asked.environment)
+        self.parameters = asked
 
     @property
     def parameters(self) -> Parameters:
@@ -138,16 +141,18 @@ class Simulation:
 
     @parameters.setter
     def parameters(self, parameters: Parameters) -> None:
-        field = wind_field(parameters.environment)
-        if getattr(parameters.settings, "contact", "") == "earliest":
-            check_earliest(self.collider_set)
+        self.check(parameters)
         self._parameters = parameters
         self._taken_out = TakenOut(
             parameters.environment.root_linear_inertia,
             parameters.environment.root_angular_inertia,
             self.collider_set.root,
         )
-        self._wind = {n: WindOnCloth(field, w.model) for n, w in self._worn.items() if field}
+        if self.time == 0.0:
+            self._wind.begin(parameters.environment)
+        else:
+            self._wind.become(parameters.environment, self.time)
+        self._acting = parameters
 
     def __getitem__(self, name: str) -> GarmentView:
         """A garment by its name.
@@ -164,6 +169,16 @@ class Simulation:
 
     def __len__(self) -> int:
         return len(self._view)
+
+    def check(self, parameters: Parameters) -> None:
+        """See whether parameters may be set.
+
+        Raises:
+            ParameterError: A wind that cannot be, or a contact that the colliders do not allow.
+        """
+        check_wind(parameters.environment)
+        if getattr(parameters.settings, "contact", "") == "earliest":
+            check_earliest(self.collider_set)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -257,6 +272,8 @@ class Simulation:
         self._is_on = True
         self._at.assign(poses)
         self.time = 0.0
+        self._wind.begin(self.parameters.environment)
+        self._acting = self.parameters
         colliders = self._colliders
         self._motion.stand(poses)
         for worn in self._worn.values():
@@ -341,6 +358,9 @@ class Simulation:
         for n in range(steps):
             self._motion.interpolate(poses_start, poses_end, n / steps, (n + 1) / steps)
             self._take_along(dt / steps)
+            self._acting = self._parameters.in_environment(
+                self._wind.environment(self.time, self._parameters.environment)
+            )
             if self._together:
                 self._step_together(dt / steps)
             for worn in self._alone:
@@ -348,7 +368,7 @@ class Simulation:
                     worn,
                     worn.model,
                     self._colliders,
-                    self.parameters,
+                    self._acting,
                     worn.state,
                     worn.workspace,
                     dt / steps,
@@ -388,7 +408,7 @@ class Simulation:
             [(worn.model, worn.state, worn.workspace) for worn in self._together],
             pairs,
             self._colliders,
-            self.parameters,
+            self._acting,
             dt,
             [worn.hold_within for worn in self._together],
         )
@@ -399,8 +419,13 @@ class Simulation:
     def _begin(self, worn: Worn, dt: float) -> None:
         """What comes before a garment's step of dt [s], whichever solver it is."""
         worn.begin(self._colliders, dt)
-        if self._wind:
-            self._wind[worn.garment.name].blow(worn.state, self.origin, self.time, dt)
+        if self._wind.acts(self.time):
+            name = worn.garment.name
+            if name not in self._grips:
+                self._grips[name] = WindOnCloth(worn.model)
+            self._grips[name].blow(
+                self._wind.at(self.time), worn.state, self.origin, self.time, dt
+            )
 
     def _follow(self, poses: ColliderPoses) -> None:
         """Moves the local origin after the body."""

@@ -4,13 +4,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.errors import InputFileError, ParameterError
 from garment_sim_ros.garment.materials import PRESETS, material_from
 from garment_sim_ros.garment.outfit import load_outfit
-from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, builtin_outfits, read_outfit
+from garment_sim_ros.garment.outfit_file import (
+    DEFAULT_OUTFIT,
+    GARMENT_KEYS,
+    builtin_outfits,
+    read_outfit,
+)
 from garment_sim_ros.params import Material, checked, declarations
 
 SKIRT = "version: 1\ngarments:\n  - {name: skirt, generator: short_skirt}\n"
@@ -259,6 +265,31 @@ def test_example_is_an_outfit():
     assert [g.name for g in file.garments] == ["skirt", "shirt"]
     assert file.garments[1].mesh == example.parent / "shirt.obj"
     assert file.garments[1].material.friction == 0.4
+    entries = yaml.safe_load(example.read_text())["garments"]
+    assert {key for entry in entries for key in entry} == set(GARMENT_KEYS)
+
+
+@pytest.mark.parametrize("written", ["1e-5", "1E-5", "1.e-5", ".1e-4", "+1e-05", "'1e-5'"])
+def test_numbers_with_an_exponent_need_no_point(tmp_path, written):
+    """YAML 1.1, as its reader has it, takes these for text."""
+    text = SKIRT.replace(
+        "_skirt}",
+        f"_skirt, material: {{bending_stiffness: {written}}}, attachment_stiffness: 2e3}}",
+    )
+    (skirt,) = read_outfit(outfit(tmp_path, text)).garments
+    assert skirt.material.bending_stiffness == 1e-5
+    assert skirt.holds.stiffness == 2000.0
+
+
+def test_keys_that_do_nothing_are_told_and_misspelt_ones_get_the_nearest(tmp_path, body):
+    text = SKIRT.replace("_skirt}", "_skirt, attachment_damping: 1}")
+    notes = load_outfit(outfit(tmp_path, text + "colliders: {voxel: 0.02}\n"), body).notes
+    assert any("attachment_damping: found 1, which does nothing" in n for n in notes)
+    assert any("voxel: found 0.02, which does nothing" in n for n in notes)
+    with pytest.raises(InputFileError, match="'tether', perhaps tethers"):
+        read_outfit(outfit(tmp_path, SKIRT.replace("_skirt}", "_skirt, tether: true}")))
+    with pytest.raises(InputFileError, match="friktion: unknown, perhaps friction"):
+        read_outfit(outfit(tmp_path, SKIRT.replace("_skirt}", "_skirt, material: {friktion: 1}}")))
 
 
 def test_a_wide_skirt_asks_for_fewer_ellipsoids_over_the_legs(tmp_path, body):

@@ -9,7 +9,14 @@ from garment_sim_ros.params import Environment, Material
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.state import State
-from garment_sim_ros.sim.world.wind_field import AIR_DENSITY, WindOnCloth, air_velocity, wind_field
+from garment_sim_ros.sim.world.wind_field import (
+    AIR_DENSITY,
+    CHANGE,
+    Wind,
+    WindOnCloth,
+    air_velocity,
+    wind_field,
+)
 
 GUSTS = {"wind_drag": 1.2, "wind_lift": 0.4, "gust": 2.0}
 
@@ -29,7 +36,9 @@ def divergence(f, p, h=1e-4):
 
 
 def test_off_is_nothing():
-    assert wind_field(Environment(wind=(5.0, 0.0, 0.0))) is None
+    wind = Wind(Environment(wind=(5.0, 0.0, 0.0), gust=1.0))
+    assert not wind.acts(0.0)
+    assert len(wind.at(0.0).phase) == 0
 
 
 def test_same_seed_same_wind_other_seed_other_wind():
@@ -72,6 +81,78 @@ def test_carried_by_the_steady_wind():
     assert later == pytest.approx(air_velocity(f, points, 0.0))
 
 
+CALM = {"wind": (1.0, 0.0, 0.0), **GUSTS}
+CHANGES = {
+    "wind": {"wind": (-4.0, 3.0, 1.0)},
+    "wind_drag": {"wind_drag": 0.3},
+    "wind_lift": {"wind_lift": 2.0},
+    "air that acts no more": {"wind_drag": 0.0, "wind_lift": 0.0},
+    "gust": {"gust": 7.0},
+    "no gusts": {"gust": 0.0},
+    "gust_change": {"gust_change": 5.0},
+    "gust_shortest": {"gust_shortest": 1.0},
+    "gust_longest": {"gust_longest": 9.0},
+    "gust_waves": {"gust_waves": 60},
+    "gust_divergence_free": {"gust_divergence_free": False},
+    "gust_seed": {"gust_seed": 9},
+}
+POINTS = np.random.default_rng(0).uniform((197.0, -3.0, -3.0), (203.0, 3.0, 3.0), (40, 3))
+
+
+def felt(wind, t):
+    """Air velocity at some places, and both coefficients, at a time."""
+    f = wind.at(t)
+    return np.append(air_velocity(f, POINTS, t).ravel(), [f.drag, f.lift])
+
+
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("late", [1.0, 1000.0])
+def test_a_change_of_any_parameter_is_no_jump(change, late):
+    """Twice, the second change within the first: every step is of a size that shrinks with it."""
+    changed = {**CALM, **CHANGES[change]}
+    sizes = []
+    for step in (1e-3, 1e-4):
+        wind = Wind(Environment(**CALM))
+        events = {round(late / step): changed, round((late + 0.2 * CHANGE) / step): CALM}
+        events[round((late + 3.0 * CHANGE) / step)] = changed
+        first, last = round(late / step) - 2, round((late + 3.0 * CHANGE) / step) + 5
+        largest, before = 0.0, felt(wind, (first - 1) * step)
+        for n in range(first, last):
+            if n in events:
+                wind.become(Environment(**events[n]), n * step)
+            near = any(abs(n - event) < 4 for event in events)
+            near = near or abs(n - round((late + CHANGE) / step)) < 4
+            near = near or abs(n - round((late + 2.0 * CHANGE) / step)) < 4
+            if near or n % 100 == 0:
+                now, before = felt(wind, n * step), felt(wind, (n - 1) * step)
+                largest = max(largest, np.abs(now - before).max())
+        sizes.append(largest)
+    assert sizes[0] > 0.0
+    assert sizes[1] < 0.2 * sizes[0]
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_after_a_change_the_wind_is_the_one_asked_for(change):
+    asked = Environment(**{**CALM, **CHANGES[change]})
+    wind = Wind(Environment(**CALM))
+    wind.become(asked, 3.0)
+    settled, expected = wind.at(3.0 + CHANGE), wind_field(asked)
+    assert wind.at(9.0) is settled  # nothing is made anew in a step
+    for name in ("velocity", "amplitude", "wave", "frequency", "drag", "lift"):
+        assert getattr(settled, name) == pytest.approx(getattr(expected, name))
+    assert wind.acts(9.0) == (change != "air that acts no more")
+
+
+def test_many_changes_in_a_row_do_not_pile_up():
+    wind = Wind(Environment(**CALM))
+    for n in range(400):
+        wind.become(Environment(**CALM, gust_seed=n + 2), 1.0 + 0.01 * n)
+        assert len(wind.at(1.0 + 0.01 * n).phase) <= 48
+    wind.at(5.5)  # the change before the last one ends
+    last = Environment(**CALM, gust_seed=401)
+    assert wind.at(9.0).wave == pytest.approx(wind_field(last).wave)
+
+
 def plate(tilt=0.0, areal_density=1e3, cells=3):
     """A square of 1 m^2 across the x axis, turned about z; heavy, so that it hardly moves."""
     at = np.linspace(0.0, 1.0, cells + 1)
@@ -90,7 +171,7 @@ def pushed(model, velocity=(0.0, 0.0, 0.0), dt=1e-4, **options):
     state = State.at(model, model.rest[np.argsort(model.vertex)], np.zeros(3))
     state.v[:] = velocity
     before = state.v.copy()
-    WindOnCloth(field(**options), model).blow(state, np.zeros(3), 0.0, dt)
+    WindOnCloth(model).blow(field(**options), state, np.zeros(3), 0.0, dt)
     return ((state.v - before) * model.mass[:, None]).sum(axis=0) / dt
 
 
@@ -117,9 +198,9 @@ def test_lift_is_across_the_wind_and_has_a_side():
 def test_light_cloth_and_long_steps_stay_bounded():
     model = plate(areal_density=1e-3)
     state = State.at(model, model.rest[np.argsort(model.vertex)], np.zeros(3))
-    grip = WindOnCloth(field(wind=(100.0, 0.0, 0.0)), model)
+    grip, wind = WindOnCloth(model), field(wind=(100.0, 0.0, 0.0))
     for _ in range(50):
-        grip.blow(state, np.zeros(3), 0.0, 0.1)
+        grip.blow(wind, state, np.zeros(3), 0.0, 0.1)
     # Particles of several triangles are pushed by each; what their mean overshoots comes back.
     assert state.v[:, 0].mean() == pytest.approx(100.0, rel=0.05)
     assert np.isfinite(state.v).all()
@@ -130,10 +211,10 @@ def test_still_air_takes_energy_and_adds_none():
     model = plate(areal_density=0.2, cells=8)
     state = State.at(model, model.rest[np.argsort(model.vertex)], np.zeros(3))
     state.v[:] = rng.normal(size=state.v.shape) * 3.0
-    grip = WindOnCloth(field(wind_lift=0.4), model)
+    grip, wind = WindOnCloth(model), field(wind_lift=0.4)
     energy = [np.inf]
     for _ in range(200):
-        grip.blow(state, np.zeros(3), 0.0, 1.0 / 180.0)
+        grip.blow(wind, state, np.zeros(3), 0.0, 1.0 / 180.0)
         energy.append(float((model.mass[:, None] * state.v**2).sum()))
         assert energy[-1] <= energy[-2] * (1.0 + 1e-6)
     assert energy[-1] < 0.7 * energy[1]
@@ -163,7 +244,7 @@ def test_plain_twin_also_far_from_the_origin(cloth, far):
     model = build_model("cloth", x, t, Material(), pins=np.array([0, 6], np.int32))
     f = wind_field(Environment(wind=(3.0, -1.0, 0.5), **GUSTS))
     origin = np.array([far, 0.0, 0.0])
-    grip = WindOnCloth(f, model)
+    grip = WindOnCloth(model)
     state = State.at(model, x, np.zeros(3))
     state.v[:] = rng.normal(size=x.shape)
     v = state.v.astype(np.float64)
@@ -176,7 +257,7 @@ def test_plain_twin_also_far_from_the_origin(cloth, far):
         0.7,
         0.01,
     )
-    grip.blow(state, origin, 0.7, 0.01)
+    grip.blow(f, state, origin, 0.7, 0.01)
     # Single precision, and a cosine good to 4e-6 of the noise.
     assert state.v == pytest.approx(v, abs=2e-4)
     assert (state.v[model.free_count :] == v[model.free_count :]).all()
@@ -226,10 +307,29 @@ def test_gusts_repeat_bit_for_bit_and_begin_anew_at_a_reset(cloth):
 @pytest.mark.parametrize(
     ("settings", "named"),
     [
-        ({"gust": 1.0}, "gust: "),
         ({"gust_shortest": 2.0, "gust_longest": 1.0}, "gust_longest"),
     ],
 )
 def test_winds_that_cannot_be(settings, named):
     with pytest.raises(ParameterError, match=named):
         wind_field(Environment(**settings))
+
+
+def test_a_wind_that_is_changed_while_cloth_flies(cloth):
+    simulation = flown(cloth, 30, **CALM)
+    poses = ColliderPoses.identity(1)
+    before = simulation.parameters
+    for name, change in CHANGES.items():
+        environment = Environment(**{**CALM, **change})
+        simulation.parameters = before.in_environment(environment)
+        v = simulation.state("cloth").v.copy()
+        simulation.advance(poses, poses)
+        # A step of 1/180 s: weight alone changes speeds by 0.05 m/s.
+        assert np.abs(simulation.state("cloth").v - v).max() < 1.0, name
+        for _ in range(100):
+            simulation.advance(poses, poses)
+    with pytest.raises(ParameterError, match="gust_longest"):
+        simulation.parameters = before.in_environment(Environment(gust_longest=0.1))
+    assert simulation.parameters.environment == environment
+    simulation.advance(poses, poses)
+    assert np.isfinite(simulation.state("cloth").x).all()

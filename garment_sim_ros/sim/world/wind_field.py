@@ -6,6 +6,7 @@ slowly changing; waves at right angles to their direction make it free of diverg
 act on every triangle by its area and its angle to the air (as in Ling, Damodaran & Gay 1996).
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.jit import kernel
-from garment_sim_ros.params import Environment
-from garment_sim_ros.sim.model import ClothModel
+from garment_sim_ros.params import Environment, Material
+from garment_sim_ros.sim.model import ClothModel, build_model
 from garment_sim_ros.sim.state import State
 
 FloatArray = NDArray[np.float64]
@@ -35,6 +36,8 @@ _THIRD = np.float32(1.0 / 3.0)
 _SLOW = np.float32(1e-9)
 _ZERO = np.float32(0.0)
 _BLOCK = 64
+CHANGE = 0.5
+"""Time in which one wind goes over to another [s]."""
 _X, _Y, _Z, _U, _V, _W = (_BLOCK * row for row in range(6))
 """Where the rows of a block begin: places [m] and air velocities [m/s]."""
 
@@ -61,29 +64,33 @@ class WindField(NamedTuple):
     lift: float
 
 
-def wind_field(environment: Environment) -> WindField | None:
-    """The field of an environment; None where air does not act on triangles.
+def check_wind(environment: Environment) -> None:
+    """See that there is such a wind.
 
     Raises:
-        ParameterError: Gusts that would act on nothing, or a longest wave shorter than the
-            shortest.
+        ParameterError: A longest wave shorter than the shortest.
     """
     e = environment
     if e.gust_longest < e.gust_shortest:
         raise ParameterError(
             "gust_longest",
-            f"found {e.gust_longest}",
-            f"allowed: from gust_shortest, {e.gust_shortest} m",
+            f"found {e.gust_longest:g} m",
+            f"allowed: from gust_shortest, {e.gust_shortest:g} m",
         )
-    if e.wind_drag == 0.0 and e.wind_lift == 0.0:
-        if e.gust > 0.0:
-            raise ParameterError(
-                "gust", f"found {e.gust}", "allowed: 0 m/s where wind_drag and wind_lift are 0"
-            )
-        return None
+
+
+def wind_field(environment: Environment) -> WindField:
+    """The field of an environment.
+
+    Raises:
+        ParameterError: As `check_wind`.
+    """
+    e = environment
+    check_wind(e)
     velocity = np.array(e.wind, dtype=np.float64)
     rng = np.random.default_rng(e.gust_seed)
-    w = e.gust_waves if e.gust > 0.0 else 0
+    acts = e.wind_drag > 0.0 or e.wind_lift > 0.0
+    w = e.gust_waves if e.gust > 0.0 and acts else 0
     direction = rng.normal(size=(w, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     length = e.gust_shortest * (e.gust_longest / e.gust_shortest) ** rng.uniform(size=w)
@@ -100,6 +107,144 @@ def wind_field(environment: Environment) -> WindField | None:
     return WindField(velocity, amplitude, wave, frequency, phase, e.wind_drag, e.wind_lift)
 
 
+class Wind:
+    """The wind of a simulation: a field, and for a while its change to another.
+
+    Velocity, amplitudes, frequencies and coefficients change evenly; phases go on, so that no
+    place sees a jump. Waves that only one of two fields has fade out or in.
+
+    Args:
+        environment: Outer forces.
+
+    Raises:
+        ParameterError: As `check_wind`.
+    """
+
+    def __init__(self, environment: Environment) -> None:
+        self.begin(environment)
+
+    def begin(self, environment: Environment) -> None:
+        """Be this wind at time 0, without a change."""
+        self._field = wind_field(environment)
+        self._environment = environment
+        self._change: _Change | None = None
+        self._next: Environment | None = None
+
+    def become(self, environment: Environment, t: float) -> None:
+        """Go over to another wind from a time [s] on.
+
+        Raises:
+            ParameterError: As `check_wind`; the wind stays as it was.
+        """
+        if environment == self._environment:
+            self._next = None
+            return
+        after = wind_field(environment)
+        now = self.at(t)
+        if self._change is not None and not (_are_same(now, after)):
+            # Its waves would be a third set; the sooner change has a short way to go.
+            self._next = environment
+            return
+        self._environment, self._next = environment, None
+        self._change = _Change.of(now, after, t)
+
+    def at(self, t: float) -> WindField:
+        """The field at a time [s], whose phases belong to that time."""
+        change = self._change
+        if change is None:
+            return self._field
+        if t < change.since + CHANGE:
+            return change.at(t)
+        self._field, self._change = change.settled(), None
+        if self._next is not None:
+            self.become(self._next, t)
+        return self.at(t)
+
+    def acts(self, t: float) -> bool:
+        """Whether air acts on triangles at a time [s]."""
+        field = self.at(t)
+        return field.drag > 0.0 or field.lift > 0.0
+
+    def environment(self, t: float, asked: Environment) -> Environment:
+        """The environment asked for, with the steady wind as it is at a time [s]."""
+        if self._change is None and self._next is None:
+            return asked
+        x, y, z = self.at(t).velocity
+        return dataclasses.replace(asked, wind=(float(x), float(y), float(z)))
+
+
+class _Change(NamedTuple):
+    """From one field to another with the same waves.
+
+    Attributes:
+        before: Phases at time 0 if its frequencies had always been.
+        after: Its phases do not matter.
+        since: When it began [s].
+    """
+
+    before: WindField
+    after: WindField
+    since: float
+
+    @classmethod
+    def of(cls, before: WindField, after: WindField, since: float) -> "_Change":
+        """A change between any two fields: each gets the other's waves, without amplitude."""
+        if not _are_same(before, after):
+            old, new = len(before.phase), len(after.phase)
+            wave = np.concatenate([before.wave, after.wave])
+            frequency = np.concatenate([before.frequency, after.frequency])
+            phase = np.concatenate([before.phase, after.phase])
+            before = before._replace(
+                wave=wave,
+                frequency=frequency,
+                phase=phase,
+                amplitude=np.concatenate([before.amplitude, np.zeros((new, 3))]),
+            )
+            after = after._replace(
+                wave=wave,
+                frequency=frequency,
+                phase=phase,
+                amplitude=np.concatenate([np.zeros((old, 3)), after.amplitude]),
+            )
+        return cls(before, after, since)
+
+    def at(self, t: float) -> WindField:
+        """The field in between, at a time [s]."""
+        b, a = self.before, self.after
+        s = t - self.since
+        share = s / CHANGE
+        faster = a.frequency - b.frequency
+        frequency = b.frequency + share * faster
+        # Phases are the integral of frequencies that change evenly.
+        passed = b.frequency * t + 0.5 * s * share * faster
+        return WindField(
+            b.velocity + share * (a.velocity - b.velocity),
+            b.amplitude + share * (a.amplitude - b.amplitude),
+            b.wave,
+            frequency,
+            b.phase - passed + frequency * t,
+            b.drag + share * (a.drag - b.drag),
+            b.lift + share * (a.lift - b.lift),
+        )
+
+    def settled(self) -> WindField:
+        """The field afterwards, without waves that have faded out."""
+        b, a = self.before, self.after
+        left = a.amplitude.any(axis=1)
+        phase = b.phase + (a.frequency - b.frequency) * (self.since + 0.5 * CHANGE)
+        return a._replace(
+            wave=a.wave[left],
+            amplitude=a.amplitude[left],
+            frequency=a.frequency[left],
+            phase=phase[left],
+        )
+
+
+def _are_same(one: WindField, other: WindField) -> bool:
+    """Whether two fields have the same waves."""
+    return np.array_equal(one.wave, other.wave)
+
+
 def air_velocity(field: WindField, points: FloatArray, t: float) -> FloatArray:
     """Velocity of the air at places [m], shape [n, 3], and a time [s]: [m/s], shape [n, 3]."""
     angle = points @ field.wave.T - field.frequency * t + field.phase
@@ -111,36 +256,32 @@ class WindOnCloth:
     """The wind's grip on one garment.
 
     Args:
-        field: The wind.
         model: The garment.
     """
 
-    def __init__(self, field: WindField, model: ClothModel) -> None:
+    def __init__(self, model: ClothModel) -> None:
         triangles = model.particle_triangles
         self._triangles = np.ascontiguousarray(triangles[np.argsort(triangles.min(axis=1))])
         self._inverse_mass = model.inverse_mass
-        self._field = field
-        turns = 1.0 / (2.0 * np.pi)
-        self._waves = np.concatenate(
-            [turns * field.wave.T, np.zeros((1, len(field.phase))), field.amplitude.T]
-        ).astype(np.float32)
-        self._velocity = field.velocity.astype(np.float32)
         self._gust = np.zeros((len(model), 3), np.float32)
         self._rows = np.zeros(6 * _BLOCK, np.float32)
-        self._pressure = np.array([field.drag, field.lift], np.float32) * np.float32(
-            0.25 * AIR_DENSITY
-        )
+        self._field: WindField | None = None
 
-    def blow(self, state: State, origin: FloatArray, t: float, dt: float) -> None:
+    def blow(
+        self, field: WindField, state: State, origin: FloatArray, t: float, dt: float
+    ) -> None:
         """Adds the wind's drag and lift of one step to the velocities.
 
         Args:
+            field: The wind.
             state: The garment's motion; velocities are changed in place.
             origin: World position of the coordinates' origin [m], shape [3].
             t: Time of the step's start [s].
             dt: Its duration [s].
         """
-        f = self._field
+        f = field
+        if f is not self._field:
+            self._take(f)
         # In double precision, far from the world's origin and late, too.
         turns = (f.wave @ origin - f.frequency * t + f.phase) / (2.0 * np.pi)
         self._waves[3] = turns - np.floor(turns)
@@ -156,6 +297,29 @@ class WindOnCloth:
             self._pressure,
             np.float32(dt),
         )
+
+    def _take(self, field: WindField) -> None:
+        """What does not depend on time and place, in single precision."""
+        self._field = field
+        turns = 1.0 / (2.0 * np.pi)
+        self._waves = np.concatenate(
+            [turns * field.wave.T, np.zeros((1, len(field.phase))), field.amplitude.T]
+        ).astype(np.float32)
+        self._velocity = field.velocity.astype(np.float32)
+        self._pressure = np.array([field.drag, field.lift], np.float32) * np.float32(
+            0.25 * AIR_DENSITY
+        )
+        if not len(field.phase):
+            self._gust[:] = 0.0
+
+
+def compile_wind() -> None:
+    """Compile, or load from the cache, what wind on a garment runs."""
+    corners = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]])
+    model = build_model("scrap", corners, np.array([[0, 1, 2]], np.int32), Material())
+    wind = wind_field(Environment(wind_drag=1.0, gust=1.0))
+    state = State.at(model, corners, np.zeros(3))
+    WindOnCloth(model).blow(wind, state, np.zeros(3), 0.0, 0.01)
 
 
 @kernel()
