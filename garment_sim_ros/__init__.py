@@ -16,6 +16,8 @@ Names are imported when they are first used.
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from garment_sim_ros.version import VERSION
+
 if TYPE_CHECKING:
     from garment_sim_ros.avatar import Avatar
     from garment_sim_ros.body.loaders.load import load_body
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
     from garment_sim_ros.sim.garment_view import GarmentView
     from garment_sim_ros.sim.simulation import Simulation
 
-__version__ = "0.1.0"
+__version__ = VERSION
 
 _MODULE_OF = {
     "Avatar": "avatar",

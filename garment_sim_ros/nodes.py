@@ -1,11 +1,11 @@
 """The nodes: what each is for, and which parameters it has under which solver."""
 
+import json
 import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from garment_sim_ros import __version__
 from garment_sim_ros.declaration import Declaration, declarations, in_yaml, nearest
 from garment_sim_ros.params import (
     ClothNodeParameters,
@@ -17,6 +17,7 @@ from garment_sim_ros.params import (
     RelaxationSettings,
     XpbdSettings,
 )
+from garment_sim_ros.version import VERSION
 
 _WIDTH = 96
 
@@ -83,6 +84,24 @@ class NodeCard:
                 )
         return "\n".join(lines)
 
+    def parameter_file(self) -> str:
+        """A parameter file with every default; of the solvers' only those of the default one."""
+        lines = [
+            f"# Parameters of {self.name}, all at their defaults.",
+            "/**:",
+            "  ros__parameters:",
+        ]
+        solver = getattr(self.sections[0].group(), "solver", "")
+        for section in sorted(self.sections, key=lambda s: s is not _COMMON):
+            if section.solver in ("", solver):
+                for d in declarations(section.group).values():
+                    value = json.dumps(d.default)  # JSON is YAML
+                    lines += [
+                        f"    # {d.described} {d.allowed[0].upper()}{d.allowed[1:]}.",
+                        f"    {d.name}: {value}",
+                    ]
+        return "\n".join(lines) + "\n"
+
     def unknown(self, name: str, solver: str = "") -> str:
         """What to say of a name that is given and is none of the node's parameters.
 
@@ -108,7 +127,7 @@ class NodeCard:
 
 def version() -> str:
     """What `--version` prints."""
-    return f"garment_sim_ros {__version__}"
+    return f"garment_sim_ros {VERSION}"
 
 
 _COMMON = Section(title="of every node", group=LifecycleParameters)

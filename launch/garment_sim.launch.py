@@ -17,6 +17,8 @@ from launch import LaunchContext, LaunchDescription
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 
+ROOT = "world"
+
 ARGUMENTS = {
     "namespace": ("", "Namespace of the avatar: one each."),
     "body": ("mannequin", "Body file of the avatar, or 'mannequin'."),
@@ -59,6 +61,12 @@ def node(
     )
 
 
+def frame_prefix(namespace: str) -> str:
+    """What goes before the names of an avatar's joint frames: all avatars share one tree."""
+    name = namespace.strip("/")
+    return f"{name}/" if name else ""
+
+
 def joint_frames(context: LaunchContext) -> list[Node]:
     """robot_state_publisher with the URDF that the player publishes, where it is installed."""
     clip = LaunchConfiguration("clip").perform(context)
@@ -72,7 +80,18 @@ def joint_frames(context: LaunchContext) -> list[Node]:
     from garment_sim_ros.mocap.source_urdf import urdf_from_clip
 
     urdf = urdf_from_clip(load_clip(clip))
-    return [
+    prefix = frame_prefix(LaunchConfiguration("namespace").perform(context))
+    # The prefix goes before the root's name, too.
+    joined = [
+        Node(
+            package="tf2_ros",
+            executable="static_transform_publisher",
+            name="world_frame",
+            namespace=LaunchConfiguration("namespace"),
+            arguments=["--frame-id", ROOT, "--child-frame-id", f"{prefix}{ROOT}"],
+        )
+    ]
+    return (joined if prefix else []) + [
         Node(
             package="robot_state_publisher",
             executable="robot_state_publisher",
@@ -80,6 +99,7 @@ def joint_frames(context: LaunchContext) -> list[Node]:
             parameters=[
                 {
                     "robot_description": ParameterValue(urdf, value_type=str),
+                    "frame_prefix": prefix,
                     "use_sim_time": flag("use_sim_time", "publish_clock"),
                 }
             ],

@@ -18,11 +18,13 @@ from garment_sim_ros.declaration import Declaration
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.params import (
+    METHOD_ALIASES,
     ColliderOptions,
     EllipsoidSettings,
     HullSettings,
     SdfSettings,
     declarations,
+    idle,
     validated,
 )
 from garment_sim_ros.recording.fit_pictures import draw_fit, draw_regions
@@ -30,9 +32,6 @@ from garment_sim_ros.recording.fit_pictures import draw_fit, draw_regions
 EXAMPLE = "garment-sim fit avatar.glb --out colliders.json --preview colliders.png"
 
 _CLIP_POSES = 30
-
-_METHODS = {name if name in ("sdf", "auto", "mesh") else name[:-1]: name for name in METHODS}
-"""Methods as they are given here, in the singular."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,19 +45,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--method",
-        type=lambda word: next((one for one, many in _METHODS.items() if word == many), word),
-        choices=tuple(_METHODS),
-        default="hull",
+        type=lambda name: METHOD_ALIASES.get(name, name),
+        choices=tuple(METHODS),
+        default="hulls",
         help="kind of collider; sdf: sampled signed distances; auto: for each part the "
         "tightest at equal run-time cost; mesh: the skin itself, exact and slow",
     )
     for title, settings in (
         (
-            "of the methods hull and auto; delta of all but mesh, merge and joints of sdf, too",
+            "of the methods hulls and auto; delta of all but mesh, merge and joints of sdf, too",
             HullSettings,
         ),
         ("of the method sdf", SdfSettings),
-        ("of the method ellipsoid", EllipsoidSettings),
+        ("of the method ellipsoids", EllipsoidSettings),
     ):
         group = parser.add_argument_group(title)
         for name, declared in declarations(settings).items():
@@ -99,7 +98,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if missing := missing_bones_of(body, "--bone-names"):
         print(missing)
     options = _options(args)
-    fit = fitted(body, options, _METHODS[args.method])
+    for line in idle(options) if args.method != "auto" else ():
+        print(f"note: {line}")
+    fit = fitted(body, options, args.method)
     colliders = fit.colliders
     for note in (*fit.notes, *(f"assumed: {note}" for note in body.notes)):
         print(note)
@@ -133,8 +134,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 def _options(args: argparse.Namespace) -> ColliderOptions:
     """What the node would have as parameters."""
-    names = (n for n in declarations(ColliderOptions) if n != "method" and hasattr(args, n))
+    names = (n for n in declarations(ColliderOptions) if hasattr(args, n))
     values = {name: getattr(args, name) for name in names}
+    if args.method == "auto":  # no collider's, but a choice among them
+        del values["method"]
     return validated(ColliderOptions, values | {"mu": " ".join(args.mu)})
 
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from garment_sim_ros.errors import GarmentSimError
+from garment_sim_ros.version import VERSION
 
 COMMANDS = {
     "demo": "run a dressed, moving avatar over ROS 2; record, measure and draw it",
@@ -37,6 +38,8 @@ def parser(command: str | None) -> argparse.ArgumentParser:
         description="Dresses a moving avatar in real time.",
         epilog="example: garment-sim demo",
     )
+    top.add_argument("--version", action="version", version=f"garment-sim {VERSION}")
+    top.add_argument("--json", action="store_true", help="print the result as JSON, last line")
     commands = top.add_subparsers(dest="command", metavar="command", required=True)
     for name, text in COMMANDS.items():
         sub = commands.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
@@ -44,7 +47,10 @@ def parser(command: str | None) -> argparse.ArgumentParser:
             module = importlib.import_module(f"garment_sim_ros.cli.{name}")
             module.add_arguments(sub)
             sub.add_argument(
-                "--json", action="store_true", help="print the result as JSON, last line"
+                "--json",
+                action="store_true",
+                default=argparse.SUPPRESS,  # what stands before the command holds
+                help="print the result as JSON, last line",
             )
             sub.epilog = f"example: {module.EXAMPLE}"
             sub.set_defaults(run=module.run)

@@ -9,6 +9,8 @@ import numpy as np
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.errors import InputFileError
+from garment_sim_ros.garment.colours import garment_colour
+from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.recording.bags import Recording, read_recording
 from garment_sim_ros.recording.previews import Figure, Look, animation, film_indices, moments
@@ -60,7 +62,7 @@ def evaluate(
         frame_rate=frame_rate,
     )
     try:
-        _draw(recording, avatar, shown, pictures, progress)
+        _draw(recording, avatar, garments, shown, pictures, progress)
         summary["pictures"] = "drawn"
     except RenderingUnavailableError as error:
         summary["pictures"] = str(error)
@@ -70,13 +72,16 @@ def evaluate(
 def _draw(
     recording: Recording,
     body: Body,
+    garments: Sequence[Garment],
     shown: Sequence[Figure],
     folder: Path,
     progress: Progress,
 ) -> None:
+    place = {garment.name: number for number, garment in enumerate(garments)}
     look = Look(
         skin_triangles=body.skin.triangles,
         garment_triangles=tuple(t.triangles for t in recording.garments.values()),
+        garment_colours=tuple(garment_colour(place.get(name, 0)) for name in recording.garments),
     )
     times = 1e-9 * (recording.stamp - recording.stamp[0])
     at = ((np.arange(4) + 0.5) / 4 * len(shown)).astype(int)

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from garment_sim_ros.garment.colours import Colour
 from garment_sim_ros.recording.render import (
-    GARMENT_COLORS,
     SKIN_COLOR,
     Camera,
     Surface,
+    linear,
     render,
 )
 
@@ -53,11 +54,13 @@ class Look:
     Attributes:
         skin_triangles: Shape [t, 3].
         garment_triangles: Of each garment.
+        garment_colours: Of each garment, see `garment_colour`.
         floor: Height of the floor [m].
     """
 
     skin_triangles: NDArray[np.int32]
     garment_triangles: tuple[NDArray[np.int32], ...]
+    garment_colours: tuple[Colour, ...]
     floor: float = 0.0
 
     def surfaces(self, figure: Figure) -> list[Surface]:
@@ -66,8 +69,10 @@ class Look:
             vertices=figure.skin, triangles=self.skin_triangles, color=SKIN_COLOR, gloss=0.15
         )
         return [body] + [
-            Surface(vertices=x, triangles=t, color=GARMENT_COLORS[i % len(GARMENT_COLORS)])
-            for i, (x, t) in enumerate(zip(figure.garments, self.garment_triangles))
+            Surface(vertices=x, triangles=t, color=linear(colour))
+            for x, t, colour in zip(
+                figure.garments, self.garment_triangles, self.garment_colours, strict=True
+            )
         ]
 
 

@@ -44,13 +44,17 @@ _SKY_DOWN = np.array([0.36, 0.33, 0.31], np.float32)
 
 def color(code: str) -> Color:
     """Linear colour from an sRGB code such as ``"#c8553d"``."""
-    values = (int(code[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
-    r, g, b = (((v + 0.055) / 1.055) ** 2.4 if v > 0.04045 else v / 12.92 for v in values)
+    r, g, b = (int(code[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
+    return linear((r, g, b))
+
+
+def linear(srgb: Color) -> Color:
+    """Linear colour from an sRGB one, of 0 to 1."""
+    r, g, b = (((v + 0.055) / 1.055) ** 2.4 if v > 0.04045 else v / 12.92 for v in srgb)
     return r, g, b
 
 
 SKIN_COLOR = color("#d2b8a3")
-GARMENT_COLORS = tuple(map(color, ("#2f7f8c", "#d4654c", "#d9a441", "#6b5b95", "#5b8c5a")))
 
 
 @dataclass(frozen=True, kw_only=True)

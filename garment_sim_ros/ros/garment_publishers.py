@@ -5,6 +5,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Point
 from shape_msgs.msg import Mesh, MeshTriangle
 
+from garment_sim_ros.garment.colours import garment_colour
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.params import Material
 from garment_sim_ros.ros.diagnostics import status
@@ -19,8 +20,6 @@ from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.state import State
 from garment_sim_ros.sim.strain import StrainMeter
-
-_COLOURS = ((0.85, 0.36, 0.24, 1.0), (0.16, 0.48, 0.56, 1.0), (0.80, 0.66, 0.24, 1.0))
 
 
 class GarmentPublishers:
@@ -52,7 +51,7 @@ class GarmentPublishers:
             len(garment.vertices), self._frame_id, normals=self._normals
         )
         self._mesh_message = TriangleMarker(
-            garment.triangles, self._frame_id, self.name, _COLOURS[number % len(_COLOURS)]
+            garment.triangles, self._frame_id, self.name, (*garment_colour(number), 1.0)
         )
         self._topology.publish(_topology(garment))
 
@@ -120,7 +119,7 @@ def warm_up() -> None:
         pin_position=np.zeros((0, 3)),
     )
     StrainMeter(model).read(State.at(model, vertices, np.zeros(3)))
-    marker = TriangleMarker(triangles, "world", "scrap", _COLOURS[0])
+    marker = TriangleMarker(triangles, "world", "scrap", (*garment_colour(0), 1.0))
     marker.fill(0, vertices.astype(np.float32))
 
 

@@ -7,6 +7,7 @@ import types
 
 import pytest
 
+from garment_sim_ros import __version__
 from garment_sim_ros.cli import main as cli
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.errors import InputFileError
@@ -71,8 +72,15 @@ def test_json_is_the_last_line(monkeypatch, capsys):
     assert cli.main(["fake", "--json"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert json.loads(lines[-1]) == {"answer": 42, "name": "x"}
+    assert cli.main(["--json", "fake"]) == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[-1]) == {"answer": 42, "name": "x"}
     assert cli.main(["fake"]) == 0
     assert capsys.readouterr().out == "for people\n"
+
+
+def test_version(capsys):
+    assert cli.main(["--version"]) == 0
+    assert capsys.readouterr().out == f"garment-sim {__version__}\n"
 
 
 def test_interrupt_gives_130(monkeypatch):

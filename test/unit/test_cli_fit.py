@@ -133,3 +133,16 @@ def test_fits_what_the_node_fits(method, tmp_path):
     options = ColliderOptions(method=plural, delta=0.006, voxel=0.03, max_ellipsoids=20)
     expected = fit_colliders(load_body("mannequin:vertices=1000"), options)
     assert load_colliders(out).revision == expected.revision
+
+
+def test_methods_in_both_spellings_and_options_that_do_nothing(tmp_path, capsys):
+    written = {}
+    for method in ("sphere", "spheres"):
+        out = tmp_path / f"{method}.json"
+        words = ["fit", "mannequin:vertices=1000", "--method", method, "--out", str(out)]
+        assert cli.main([*words, "--voxel", "0.02"]) == 0
+        assert "voxel: found 0.02, which does nothing; it acts with method sdf" in (
+            capsys.readouterr().out
+        )
+        written[method] = out.read_bytes()
+    assert written["sphere"] == written["spheres"]

@@ -1,4 +1,4 @@
-"""`fit --method ellipsoid`."""
+"""`fit --method ellipsoids`."""
 
 import json
 
@@ -10,7 +10,7 @@ from PIL import Image
 from garment_sim_ros.cli import main as cli
 from garment_sim_ros.colliders.description import load_colliders
 
-WORDS = ["fit", "mannequin:vertices=2000", "--method", "ellipsoid", "--max-ellipsoids", "30"]
+WORDS = ["fit", "mannequin:vertices=2000", "--method", "ellipsoids", "--max-ellipsoids", "30"]
 
 
 def test_writes_ellipsoids_and_what_was_assumed(tmp_path, capsys):
@@ -50,7 +50,7 @@ def test_bad_options_exit_2_with_one_line(words, named, tmp_path, capsys):
 
 
 def test_reports_the_skin_outside_over_a_clip(tmp_path, capsys):
-    words = ["fit", "mannequin:vertices=1500", "--method", "ellipsoid", "--clip", "walk"]
+    words = ["fit", "mannequin:vertices=1500", "--method", "ellipsoids", "--clip", "walk"]
     out = tmp_path / "c.json"
     assert cli.main([*words, "--max-ellipsoids", "30", "--out", str(out), "--json"]) == 0
     printed = capsys.readouterr().out
@@ -67,7 +67,7 @@ def test_reports_the_skin_outside_over_a_clip(tmp_path, capsys):
 
 
 def test_a_missing_clip_is_an_error(tmp_path, capsys):
-    words = ["fit", "mannequin:vertices=1500", "--method", "capsule", "--clip", "none.bvh"]
+    words = ["fit", "mannequin:vertices=1500", "--method", "capsules", "--clip", "none.bvh"]
     assert cli.main([*words, "--out", str(tmp_path / "c.json")]) == 2
     assert "none.bvh" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
@@ -76,7 +76,7 @@ def test_a_missing_clip_is_an_error(tmp_path, capsys):
 def test_no_human_is_an_error_and_none_takes_it(tmp_path, capsys):
     path = tmp_path / "cube.obj"
     trimesh.creation.box((1.0, 1.0, 1.0)).subdivide().subdivide().subdivide().export(path)
-    words = ["fit", str(path), "--method", "ellipsoid", "--out", str(tmp_path / "c.json")]
+    words = ["fit", str(path), "--method", "ellipsoids", "--out", str(tmp_path / "c.json")]
     assert cli.main(words) == 2
     assert "human" in capsys.readouterr().err
     assert cli.main([*words, "--segmentation", "none"]) == 0

@@ -11,6 +11,8 @@ import pytest
 import yaml
 from defusedxml.ElementTree import parse
 
+from garment_sim_ros import __version__
+
 REPOSITORY = Path(__file__).resolve().parents[2]
 PACKAGE = "garment_sim_ros"
 
@@ -99,7 +101,7 @@ def test_manifest_is_one_that_colcon_takes(manifest):
     assert manifest.findtext("export/build_type") == "ament_python"
     assert manifest.findtext("license") == "Apache-2.0"
     version = re.search(r'version="([^"]+)"', (REPOSITORY / "setup.py").read_text()).group(1)
-    assert manifest.findtext("version") == version
+    assert manifest.findtext("version") == version == __version__
 
 
 def test_executables_are_where_ros2_run_looks():

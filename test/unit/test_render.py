@@ -99,7 +99,7 @@ def test_previews_keep_the_whole_figure_in_the_picture(tmp_path):
     mesh = trimesh.creation.capsule(height=1.2, radius=0.25, count=[12, 12])
     mesh.vertices -= [0, 0, mesh.vertices[:, 2].min()]
     triangles = mesh.faces.astype(np.int32)
-    look = Look(skin_triangles=triangles, garment_triangles=())
+    look = Look(skin_triangles=triangles, garment_triangles=(), garment_colours=())
     figures = [
         Figure(skin=mesh.vertices + np.array([x, 0, 0]), garments=(), root=np.array([x, 0.0, 0.9]))
         for x in np.linspace(0.0, 3.0, 3)

@@ -8,27 +8,45 @@ import pytest
 import yaml
 
 from garment_sim_ros import params
+from garment_sim_ros.nodes import NODES
+from garment_sim_ros.sim.solvers import SOLVERS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 GROUPS = {
-    "mocap_player": (params.MocapPlayerParameters,),
-    "collider_node": (params.ColliderNodeParameters,),
-    "cloth_node": (params.ClothNodeParameters, params.Environment, params.RelaxationSettings),
+    name: tuple(s.group for s in card.sections if s.solver in ("", "relaxation"))
+    for name, card in NODES.items()
 }
 LAUNCH = REPOSITORY / "launch" / "garment_sim.launch.py"
 
 
-@pytest.mark.parametrize("node", sorted(GROUPS))
+@pytest.mark.parametrize("node", NODES)
 def test_parameter_files_hold_every_default(node):
     text = (REPOSITORY / "config" / f"{node}.yaml").read_text()
+    assert text == NODES[node].parameter_file()
     found = yaml.safe_load(text)["/**"]["ros__parameters"]
     declared = {}
-    for group in (params.LifecycleParameters, *GROUPS[node]):
+    for group in GROUPS[node]:
         declared.update(params.declarations(group))
-    assert list(found) == list(declared)
+    assert set(found) == set(declared)
     for name, declaration in declared.items():
         assert params.checked(declaration, found[name]) == declaration.default
         assert type(found[name]) is (list if declaration.type is tuple else declaration.type)
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_help_has_every_parameter_with_type_default_range_and_text(node):
+    text = " ".join(NODES[node].help().split())
+    for section in NODES[node].sections:
+        assert set(section.live) <= set(params.declarations(section.group))
+        for name, d in params.declarations(section.group).items():
+            kind = "3 floats" if d.type is tuple else d.type.__name__
+            assert f" {name} ({kind}, default " in text
+            assert f"{d.described} {d.allowed[0].upper()}{d.allowed[1:]}" in text
+
+
+def test_solvers_of_the_help_are_those_that_there_are():
+    groups = {s.solver: s.group for s in NODES["cloth_node"].sections if s.solver}
+    assert groups == {name: solver.settings for name, solver in SOLVERS.items()}
 
 
 def test_launch_file_starts_the_nodes_with_its_arguments(tmp_path):
@@ -59,6 +77,21 @@ def test_launch_file_starts_the_nodes_with_its_arguments(tmp_path):
         if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "node" and call.args[1:]
     }
     assert conditional == {"mocap_player"}  # with an empty clip others send joint states
+
+
+@pytest.mark.parametrize(
+    ("namespace", "prefix"),
+    [("", ""), ("/", ""), ("ann", "ann/"), ("/ann/", "ann/"), ("/a/b", "a/b/")],
+)
+def test_joint_frames_of_two_avatars_have_different_names(namespace, prefix):
+    """robot_state_publisher puts `frame_prefix` before every frame of its tree."""
+    tree = ast.parse(LAUNCH.read_text())
+    (function,) = (n for n in tree.body if getattr(n, "name", "") == "frame_prefix")
+    scope = {}
+    exec(compile(ast.Module([function], []), str(LAUNCH), "exec"), scope)
+    assert scope["frame_prefix"](namespace) == prefix
+    keys = [k.value for d in ast.walk(tree) if isinstance(d, ast.Dict) for k in d.keys]
+    assert "frame_prefix" in keys
 
 
 # Name: message type, depth, transient local, reliable for publishers, reliable for subscribers.

@@ -96,7 +96,7 @@ def test_units_are_taken_from_the_height_and_said(scale, unit, tmp_path, capsys)
     path, out = tmp_path / "body.obj", tmp_path / "c.json"
     mesh = trimesh.Trimesh(scale * body.skin.vertices, body.skin.triangles, process=False)
     mesh.export(path)
-    words = ["fit", str(path), "--method", "ellipsoid", "--max-ellipsoids", "20"]
+    words = ["fit", str(path), "--method", "ellipsoids", "--max-ellipsoids", "20"]
     assert cli.main([*words, "--out", str(out)]) == 0
     report = json.loads((tmp_path / "c.report.json").read_text())
     assert any(unit in note for note in report["assumed"])
@@ -118,7 +118,7 @@ def test_no_unit_fits_and_several_bodies_are_errors(tmp_path, capsys):
     ):
         path = tmp_path / "body.obj"
         trimesh.Trimesh(vertices, triangles, process=False).export(path)
-        words = ["fit", str(path), "--method", "ellipsoid", "--out", str(tmp_path / "c.json")]
+        words = ["fit", str(path), "--method", "ellipsoids", "--out", str(tmp_path / "c.json")]
         assert cli.main(words) == 2
         lines = capsys.readouterr().err.strip().splitlines()
         assert len(lines) == 1

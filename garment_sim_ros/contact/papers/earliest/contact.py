@@ -31,7 +31,7 @@ def check_earliest(colliders: ColliderSet) -> None:
         raise ParameterError(
             "contact",
             f"found 'earliest' with {', '.join(others)} colliders",
-            "allowed: with ellipsoids and spheres (fit --method ellipsoid)",
+            "allowed: with ellipsoids and spheres (fit --method ellipsoids)",
         )
 
 
