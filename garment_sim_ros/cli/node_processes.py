@@ -17,6 +17,7 @@ import yaml
 from garment_sim_ros.errors import GarmentSimError
 
 _LOG_HEAD = re.compile(r"^\[[A-Z]+\] \[[0-9.]+\] \[\S+\]: ")
+_FATAL_HEAD = re.compile(r"^\[(ERROR|FATAL)\] \[[0-9.]+\] \[(?P<name>\S+)\]: ")
 _AT_WORK = re.compile(r": \d+ s so far$")
 _PATIENCE = 5.0  # for an orderly end [s]
 
@@ -81,10 +82,11 @@ class NodeProcesses:
             )
 
     def check(self) -> None:
-        """See that all nodes are running.
+        """See that all nodes are running and can go on.
 
         Raises:
-            GarmentSimError: One has ended; with the reason that its log gives.
+            GarmentSimError: One has ended, with the reason that its log gives, or says that it
+                cannot do its part.
         """
         for name, process in self._processes.items():
             code = process.poll()
@@ -92,12 +94,23 @@ class NodeProcesses:
                 raise GarmentSimError(
                     f"{name} ended with exit code {code}: {self.last_words(name)}"
                 )
+            if fatal := self.fatal_words(name):
+                raise GarmentSimError(f"{name}: {fatal}")
 
     def last_words(self, name: str) -> str:
         """The last line of a node's log that says something."""
-        text = (self._logs / f"{name}.log").read_text(errors="replace")
-        lines = [line.strip() for line in text.splitlines() if line.strip()]
+        lines = [line.strip() for line in self._log(name).splitlines() if line.strip()]
         return _LOG_HEAD.sub("", lines[-1]) if lines else "no output yet"
+
+    def fatal_words(self, name: str) -> str:
+        """The first line of a node's log that says that it cannot do its part; else empty."""
+        for line in self._log(name).splitlines():
+            if (head := _FATAL_HEAD.match(line)) and head["name"].split(".")[-1] == name:
+                return line[head.end() :]
+        return ""
+
+    def _log(self, name: str) -> str:
+        return (self._logs / f"{name}.log").read_text(errors="replace")
 
     def at_work(self) -> str:
         """What a node says that it is still compiling, loading or fitting; empty if none does."""

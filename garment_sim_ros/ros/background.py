@@ -23,9 +23,12 @@ class Background(Generic[Made]):
     Args:
         make: Makes it, in a thread of its own.
         reason: Under which failures are counted.
+        after: A thread of a predecessor's to wait for, see `retire`.
     """
 
-    def __init__(self, make: Callable[[str], Made], reason: str) -> None:
+    def __init__(
+        self, make: Callable[[str], Made], reason: str, after: threading.Thread | None = None
+    ) -> None:
         self._make = make
         self._reason = reason
         self._thread: threading.Thread | None = None
@@ -34,6 +37,17 @@ class Background(Generic[Made]):
         self._text: str | None = None
         self._not_before = 0.0
         self._worked = 0.0
+        self._after = after
+
+    def retire(self) -> threading.Thread | None:
+        """Begin nothing more; returns the thread that still works, if there is one.
+
+        It cannot be stopped. A successor waits for it, so that threads do not pile up, each with a
+        body and garments of its own, where a node is configured sooner than garments are made.
+        """
+        self._waiting = None
+        working = (t for t in (self._thread, self._after) if t is not None and t.is_alive())
+        return next(working, None)
 
     def request(self, text: str) -> None:
         """Have something made of a text."""
@@ -74,6 +88,9 @@ class Background(Generic[Made]):
         text = self._waiting
         if text is None or self._thread is not None:
             return
+        if self._after is not None and self._after.is_alive():
+            return
+        self._after = None
         if time.monotonic() >= self._not_before:
             self._text, self._waiting = text, None
             # A daemon: the end of the process does not wait for it.

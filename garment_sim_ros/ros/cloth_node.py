@@ -68,6 +68,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         self._topics: dict[str, GarmentPublishers] = {}
         self._qualities: list[GarmentQuality] = []
         self._early: list[StampedPoses] = []
+        self._still_dressing: Thread | None = None
         self._forces_wait = False
         self._wind_compiles: Thread | None = None
         self._paused = False
@@ -114,6 +115,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             solver_step=p.solver_step,
             warm_up=compiled,
             parameters=self._forces,
+            after=self._still_dressing,
         )
         self._steps_on_poses = p.step_on == "poses"
         self._quality = self.advertise(QUALITY)
@@ -143,6 +145,9 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         """Take off the outfit."""
         self._topics, self._qualities, self._early = {}, [], []
         self._stepper = None
+        if hasattr(self, "_dresser"):  # else configuring failed before
+            self._still_dressing = self._dresser.retire()
+            del self._dresser
 
     def parameters_changed(self, parameters: ClothNodeParameters) -> None:
         """Take over another delay."""
@@ -179,6 +184,11 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
 
     def _forces(self) -> Parameters:
         return Parameters(environment=self._environment.values, settings=self._settings.values)
+
+    @property
+    def has_description(self) -> bool:
+        """Whether garments are on colliders."""
+        return self._stepper is not None
 
     def condition(self) -> Condition:
         """What the node waits for, or how it keeps up."""
@@ -220,7 +230,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         try:
             self._put_on(self._dresser.result())
         except MessageError as error:
-            self.rejections.add(COLLIDER_DESCRIPTION.name, error)
+            self.reject(COLLIDER_DESCRIPTION.name, error)
 
     def _take_description(self, message: Taken) -> None:
         sender = message.publisher[:PARTICIPANT]

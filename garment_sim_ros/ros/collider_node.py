@@ -3,6 +3,7 @@
 import dataclasses
 import sys
 from collections.abc import Callable
+from threading import Thread
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +90,7 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
 
     def __init__(self) -> None:
         super().__init__("collider_node", ColliderNodeParameters)
+        self._still_reading: Thread | None = None
         self._avatar: _Avatar | None = None
         self._channels: JointChannels | None = None
         self._world_joints: Callable[[FloatArray, float | None], FloatArray] = _unposed
@@ -116,7 +118,7 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         if p.body:
             with reporting(self.get_logger().info, f"load {p.body} and fit its colliders"):
                 self._avatar = self._wear(load_body(p.body, bone_names=p.body_bone_names))
-        self._skeleton = Background(self._read, _DESCRIPTION)
+        self._skeleton = Background(self._read, _DESCRIPTION, self._still_reading)
         self.take_in(ROBOT_DESCRIPTION, self._take_description, always=True)
         self._source = Source(p.stale_after)
         self._joints = self.take_in(
@@ -130,7 +132,15 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
 
     def release(self) -> None:
         """Forget body and skeleton."""
+        if hasattr(self, "_skeleton"):  # else configuring failed before
+            self._still_reading = self._skeleton.retire()
+            del self._skeleton
         self._avatar = self._channels = None
+
+    @property
+    def has_description(self) -> bool:
+        """Whether there is a skeleton to follow."""
+        return self._channels is not None
 
     def condition(self) -> Condition:
         """What the node waits for, or that it poses."""
@@ -196,7 +206,7 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         try:
             skeleton = self._skeleton.result()
         except MessageError as error:
-            self.rejections.add(_DESCRIPTION, error)
+            self.reject(_DESCRIPTION, error)
             return
         if skeleton is None:
             return

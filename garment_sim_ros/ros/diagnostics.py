@@ -24,30 +24,39 @@ class Rejections:
 
     Args:
         log: Takes a line of text.
+        log_severe: Takes a line that says that nothing can be done until another message comes.
 
     Attributes:
         counts: Rejections so far, by reason.
     """
 
-    def __init__(self, log: Callable[[str], Any]) -> None:
+    def __init__(self, log: Callable[[str], Any], log_severe: Callable[[str], Any]) -> None:
         self.counts: Counter[str] = Counter()
         self._log = log
+        self._log_severe = log_severe
         self._logged: dict[str, float] = {}
 
-    def add(self, what: str, error: MessageError) -> None:
-        """Count one rejection of `what`, a topic or other input."""
+    def add(self, what: str, error: MessageError, *, severe: bool = False) -> None:
+        """Count one rejection of `what`, a topic or other input.
+
+        Args:
+            what: The topic.
+            error: Why.
+            severe: Whether the node has nothing else to go on with.
+        """
         self.counts[error.reason] += 1
         if error.reason != OTHER_PUBLISHER:  # told with names, see `inputs`
             text = in_one_line(str(error))
             so_far = f"({self.counts[error.reason]} so far)"
-            self.tell(error.reason, f"rejected {what}: {text} {so_far}")
+            self.tell(error.reason, f"rejected {what}: {text} {so_far}", severe=severe)
 
-    def tell(self, key: str, text: str) -> None:
+    def tell(self, key: str, text: str, *, severe: bool = False) -> None:
         """Log a line, unless one of the same key was logged lately."""
         now = time.monotonic()
         if now - self._logged.get(key, -_LOG_PERIOD) >= _LOG_PERIOD:
             self._logged[key] = now
-            self._log(text)
+            log = self._log_severe if severe else self._log
+            log(text)
 
 
 def in_one_line(text: str) -> str:

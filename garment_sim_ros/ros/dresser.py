@@ -1,5 +1,6 @@
 """Making an outfit's simulation for a collider description, beside the node's own thread."""
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -43,6 +44,7 @@ class Dresser:
         solver_step: Its step [s].
         warm_up: `sim.warm_up.warm_up` with all that does not depend on colliders and garments.
         parameters: Gives outer forces and numerical parameters, which must suit the colliders.
+        after: A thread of an earlier dresser's to wait for, see `Background.retire`.
     """
 
     def __init__(
@@ -55,6 +57,7 @@ class Dresser:
         solver_step: float,
         warm_up: Callable[..., None],
         parameters: Callable[[], Parameters],
+        after: threading.Thread | None = None,
     ) -> None:
         self._outfit = outfit
         self._body = body
@@ -64,8 +67,12 @@ class Dresser:
         self._warm_up = warm_up
         self._compiled: set[frozenset[str]] = set()
         self._parameters = parameters
-        self._work = Background(self._make, DESCRIPTION)
+        self._work = Background(self._make, DESCRIPTION, after)
         self._revision = ""
+
+    def retire(self) -> threading.Thread | None:
+        """Begin nothing more; see `Background.retire`."""
+        return self._work.retire()
 
     def request(self, text: str) -> None:
         """Have an outfit made for a description."""

@@ -22,7 +22,7 @@ from rclpy.lifecycle import (
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 
-from garment_sim_ros.errors import GarmentSimError, ParameterError
+from garment_sim_ros.errors import GarmentSimError, MessageError, ParameterError
 from garment_sim_ros.nodes import NODES, version
 from garment_sim_ros.params import LifecycleParameters, idle
 from garment_sim_ros.ros.arguments import in_short, plain_numbers
@@ -75,7 +75,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
         self._told: set[str] = set()
         self._group_parameters = self.declare(group, on_change=self.parameters_changed)
         self.autostart = self.declare(LifecycleParameters).values.autostart
-        self.rejections = Rejections(self.get_logger().warning)
+        self.rejections = Rejections(self.get_logger().warning, self.get_logger().error)
         self.failure: GarmentSimError | None = None
         self.ticker: Ticker | None = None
         self.inputs: list[Input] = []
@@ -187,6 +187,16 @@ class ManagedNode(LifecycleNode, Generic[Group]):
     def attend(self) -> None:
         """Take over what was made beside the node's thread."""
 
+    @property
+    def has_description(self) -> bool:
+        """Whether the node has what latched messages tell, so that it can do without a new one."""
+        return True
+
+    def reject(self, what: str, error: MessageError) -> None:
+        """Count and log that a message on the topic `what` cannot be used."""
+        latched = any(i.topic.name == what and i.topic.latched for i in self.inputs)
+        self.rejections.add(what, error, severe=latched and not self.has_description)
+
     def condition(self) -> Condition:
         """How the node is, for its diagnostics."""
         return Condition(text=self.state)
@@ -241,7 +251,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
             self,
             topic,
             when_active,
-            rejected=self.rejections.add,
+            rejected=self.reject,
             source=source,
             room=room,
             keep_all=keep_all,

@@ -2,9 +2,12 @@
 
 import signal
 import struct
+import subprocess
+import sys
 import time
 
 import numpy as np
+import psutil
 import pytest
 
 pytest.importorskip("rclpy")
@@ -12,6 +15,8 @@ pytest.importorskip("rclpy")
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Pose, PoseArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
@@ -526,6 +531,128 @@ def test_simulated_time_can_be_set_while_it_runs(running, probe, node, until, re
     reach()
 
 
+def test_wind_of_all_kinds_can_be_set_in_any_spelling(running, probe, node, until):
+    text, whole = ParameterType.PARAMETER_STRING, ParameterType.PARAMETER_INTEGER
+    wholes = ParameterType.PARAMETER_INTEGER_ARRAY
+
+    def sideways():
+        return points_of(probe.next("garments/skirt/points")[0])[:, 1].mean()
+
+    def is_set(name, **value):
+        result = set_parameter(probe, name, **value)
+        assert result.successful, result.reason
+
+    hanging = sideways()
+    told = node.output.count("gust: found 1.0, which does nothing")
+    is_set("gust", type=whole, integer_value=1)
+    until(
+        lambda: node.output.count("gust: found 1.0, which does nothing") == told + 1,
+        "the node says that nothing comes of gusts alone",
+    )
+    is_set("wind", type=wholes, integer_array_value=[0, 6, 0])
+    is_set("wind", type=text, string_value="[0, 6.5, 0]")
+    is_set("wind_drag", type=text, string_value="12e-1")
+    is_set("wind_lift", type=whole, integer_value=0)
+    is_set("gust_seed", type=ParameterType.PARAMETER_DOUBLE, double_value=7.0)
+    until(lambda: sideways() > hanging + 0.005, "the skirt is blown to the left")
+    for name, value, words in (
+        (
+            "wind",
+            {"type": wholes, "integer_array_value": [0, 6]},
+            "wind: found [0, 6]; allowed: 3",
+        ),
+        ("wind_drag", {"type": text, "string_value": "much"}, "wind_drag: found 'much'; allowed"),
+        ("gust_longest", {"type": text, "string_value": "0.1"}, "gust_longest: found 0.1 m; allo"),
+        ("wnid_drag", {"type": whole, "integer_value": 1}, "perhaps wind_drag"),
+        ("rate", {"type": whole, "integer_value": 30}, "rate: is read-only while the node runs"),
+    ):
+        refused = set_parameter(probe, name, **value)
+        assert not refused.successful
+        assert words in refused.reason
+    is_set("wind", type=wholes, integer_array_value=[0, 0, 0])
+    is_set("wind_drag", type=whole, integer_value=0)
+    is_set("gust", type=whole, integer_value=0)
+    until(lambda: sideways() < hanging + 0.005, "the skirt swings back")
+
+
+def transition(probe, node, number):
+    request = ChangeState.Request(transition=Transition(id=number))
+    assert probe.call(ChangeState, f"{node.name}/change_state", request).success, node.output
+
+
+def rounds_of(node, probe, avatar, count):
+    """Threads and memory [MiB] after each round of configuring and cleaning up while dressing."""
+    process = psutil.Process(node.pid)
+    found = []
+    for number in range(count):
+        transition(probe, node, Transition.TRANSITION_CONFIGURE)
+        transition(probe, node, Transition.TRANSITION_ACTIVATE)
+        if number == 0:
+            probe.publish(COLLIDER_DESCRIPTION, avatar.description)
+        transition(probe, node, Transition.TRANSITION_DEACTIVATE)
+        transition(probe, node, Transition.TRANSITION_CLEANUP)
+        found.append((process.num_threads(), process.memory_info().rss / 2**20))
+    return found
+
+
+def test_rounds_that_are_quicker_than_the_garments_are_made_pile_nothing_up(
+    start_node, make_probe, avatar
+):
+    namespace = "/cloth_rounds"
+    node = start_node("cloth_node", namespace, autostart=False)
+    threads = [t for t, _ in rounds_of(node, make_probe(namespace), avatar, 8)]
+    # One that makes garments may be at work at any time, never two.
+    assert max(threads[2:]) <= min(threads) + 1
+
+
+@pytest.mark.slow
+def test_memory_and_threads_are_flat_after_the_second_round(start_node, make_probe, avatar):
+    namespace = "/cloth_many_rounds"
+    node = start_node("cloth_node", namespace, autostart=False)
+    found = rounds_of(node, make_probe(namespace), avatar, 24)
+    threads, memory = zip(*found)
+    assert max(threads[2:]) <= min(threads) + 1
+    assert max(memory[-5:]) < max(memory[2:7]) + 12.0
+
+
+@pytest.mark.parametrize("name", ["cloth_node", "collider_node", "mocap_player"])
+def test_help_and_version_end_with_0(name):
+    for words, said in (
+        (["--help"], "rate"),
+        (["--version"], "garment_sim_ros 0."),
+        (["-h"], name),
+    ):
+        command = [sys.executable, "-m", f"garment_sim_ros.ros.{name}", *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+        assert done.returncode == 0
+        assert said in done.stdout
+        assert not done.stderr
+
+
+def test_names_that_are_none_are_warned_about_and_mixed_numbers_taken(start_node, tmp_path, until):
+    """`rcl` itself refuses a list of whole and other numbers."""
+    file = tmp_path / "p.yaml"
+    file.write_text(
+        "/**:\n  ros__parameters:\n    gravity: [0, 0, -9.81]\n    stepon: poses\n"
+        "    sub_step: 1e-3\n    clip: walk\n    gust: 1\n"
+    )
+    command = [sys.executable, "-m", "garment_sim_ros.ros.cloth_node", "--ros-args"]
+    command += ["--params-file", str(file), "-p", "wind:=[1, 2.5, 0]", "-p", "body:=none.glb"]
+    done = subprocess.run(
+        [*command, "-p", "outfits:=x"], capture_output=True, text=True, check=False, timeout=180
+    )
+    assert done.returncode == 2
+    for words in (
+        "stepon: is no parameter of cloth_node and does nothing, perhaps step_on",
+        "outfits: is no parameter of cloth_node and does nothing, perhaps outfit",
+        "sub_step: does nothing with the solver relaxation; it acts with solver xpbd or implicit",
+        "clip: does nothing here; it is a parameter of mocap_player",
+        "gust: found 1.0, which does nothing; it acts with wind_drag or wind_lift above 0",
+    ):
+        assert done.stderr.count(words) + done.stdout.count(words) == 1
+    assert "none.glb: does not exist" in done.stderr
+
+
 def test_the_same_messages_give_the_same_bytes(start_node, make_probe, outfit, avatar, until):
     """With `step_on` poses: uneven stamps, a jump, a stray message; every frame, every byte."""
     runs = []
@@ -581,7 +708,8 @@ def test_the_same_messages_give_the_same_bytes(start_node, make_probe, outfit, a
         ({"solver": "magic"}, "solver: found 'magic'"),
         ({"step_on": "wishes"}, "step_on: found 'wishes'"),
         ({"gravity": [0.0, -9.81]}, "gravity: found"),
-        ({"gust": 2.0}, "gust: found"),
+        ({"gust_longest": 0.1}, "gust_longest: found 0.1"),
+        ({"gravity": "[0, 0, east]"}, "gravity: found '[0, 0, east]'; allowed: 3 numbers"),
     ],
 )
 def test_unusable_parameters_end_it_with_one_line(start_node, parameters, words):

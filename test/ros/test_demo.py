@@ -120,6 +120,21 @@ def test_unusable_input_is_named_and_ends_the_demo(tmp_path, option, name, conte
     assert not nodes_of(tmp_path)
 
 
+def test_a_body_that_cannot_be_dressed_ends_the_demo_at_the_first_line_that_says_so(tmp_path):
+    """The nodes go on for ever: another description might come. Here none does."""
+    (tmp_path / "outfit.yaml").write_text(
+        "version: 1\ngarments:\n"
+        "  - {name: skirt, generator: short_skirt, attachments: [{bone: wing, vertices: [0]}]}\n"
+    )
+    words = [*COMMAND, "--out", str(tmp_path / "out"), "--outfit", str(tmp_path / "outfit.yaml")]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    (line,) = (line for line in done.stderr.splitlines() if line.startswith("error: "))
+    assert line.startswith("error: cloth_node: rejected collider_description: ")
+    assert "wing" in line
+    assert not nodes_of(tmp_path)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "clip"),

@@ -97,7 +97,7 @@ def test_error_over_several_lines_is_printed_on_one(monkeypatch, capsys):
 
     fake_command(monkeypatch, action)
     assert cli.main(["fake"]) == 2
-    assert capsys.readouterr().err == "error: f.yaml: bad thing; allowed: good\n"
+    assert capsys.readouterr().err == "error: f.yaml: bad\\n thing; allowed: good\n"
 
 
 def test_output_appears_whole(tmp_path):
