@@ -131,8 +131,8 @@ class Feet:
         # A foot that rolls off would pull the body down after its heel.
         self._stands[:, 2] = 1.0 - (1.0 - self._weight[:, 0]) * (1.0 - _ROLLS * self._weight[:, 1])
         ground(
-            T_world_joint, self._legs, self._part, self._hinge, self._ahead, self._reach, self._stands,
-            self._place, self._sole_joint, self._sole_offset, self._sole_start,
+            T_world_joint, self._legs, self._part, self._hinge, self._ahead, self._reach,
+            self._stands, self._place, self._sole_joint, self._sole_offset, self._sole_start,
         )  # fmt: skip
 
     def _measure_leg(self, i: int, side: str, rest: Skeleton, body: Body) -> None:
