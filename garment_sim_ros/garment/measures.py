@@ -123,7 +123,7 @@ class Measures:
 
     @cached_property
     def height(self) -> float:
-        """Extent of skin and joints from the soles up [m]: heads and feet may be missing."""
+        """Extent of skin and joints [m]; heads and feet may be missing."""
         joints = [self.joint(bone)[2] for bone in self.body.humanoid]
         return float(np.ptp(np.concatenate([self.vertices[:, 2], joints])))
 
