@@ -10,13 +10,15 @@ fast-math, and which of the two a caller gets depends on what the process compil
 before: a first run would differ in the last bits from all later ones.
 
 Kernels are cached on disk. The compiler's own cache looks at a kernel's file only and not at those
-of the functions compiled into it, so that after an update of one file it would go on running the
-old code of others. Here every version of the kernels, taken together, has a cache of its own, in
-the user's cache directory or where ``NUMBA_CACHE_DIR`` says.
+of the functions and constants compiled into it, so that after an update of one file it would go on
+running the old code of others. Here every version of the kernels, taken together with all that
+they import, has a cache of its own, in the user's cache directory or where ``NUMBA_CACHE_DIR``
+says.
 """
 
 import hashlib
 import os
+import re
 import shutil
 from collections.abc import Callable
 from functools import partial
@@ -24,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
 from numba import njit
 from numba.core.dispatcher import Dispatcher
 
@@ -34,15 +37,41 @@ _VERSIONS_KEPT = 4
 
 
 def _cache_of_this_version() -> Path:
-    """A folder named after the contents of all files with kernels."""
-    package = Path(__file__).resolve().parent
-    digest = hashlib.sha256()
-    for file in sorted(package.rglob("*.py")):
-        text = file.read_bytes()
-        if b"kernel(" in text:
-            digest.update(str(file.relative_to(package)).encode() + text)
+    """A folder named after the contents of all files that make the kernels what they are."""
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return base / "garment_sim_ros" / "kernels" / digest.hexdigest()[:16]
+    return base / "garment_sim_ros" / "kernels" / version_of(Path(__file__).resolve().parent)
+
+
+def version_of(package: Path) -> str:
+    """A name for the kernels of a package, the same while no file that they come from changes.
+
+    These are the files with kernels and all that they import, directly or not: a kernel takes
+    functions and constants from there.
+    """
+    texts = {path: path.read_bytes() for path in package.rglob("*.py")}
+    left = {path for path, text in texts.items() if b"kernel(" in text}
+    found: set[Path] = set()
+    while left:
+        found |= left
+        left = {used for path in left for used in _imported(texts[path], package)} - found
+        left &= texts.keys()
+    digest = hashlib.sha256()
+    for file in sorted(found):
+        for part in (str(file.relative_to(package)).encode(), texts[file]):
+            digest.update(len(part).to_bytes(8, "little") + part)
+    return digest.hexdigest()[:16]
+
+
+def _imported(text: bytes, package: Path) -> set[Path]:
+    """Files of a package that a file of it may import: rather too many than too few."""
+    name = package.name.encode()
+    modules = re.findall(rb"\b%s((?:\.\w+)*)(?: import \(?([\w\s,]*))?" % name, text)
+    files: set[Path] = set()
+    for dotted, names in modules:
+        path = package.joinpath(*dotted.decode().split(".")[1:])
+        for one in (path, *(path / n for n in re.findall(r"\w+", names.decode()))):
+            files |= {one.with_suffix(".py"), one / "__init__.py"}
+    return files
 
 
 def _drop_old_versions(cache: Path) -> None:
@@ -54,6 +83,9 @@ def _drop_old_versions(cache: Path) -> None:
         shutil.rmtree(version, ignore_errors=True)
 
 
+cache_folder: Path | None = None
+"""Where this version's machine code is kept; None where that is left to the compiler."""
+
 if not os.environ.get("NUMBA_CACHE_DIR"):
     try:
         _cache = _cache_of_this_version()
@@ -61,20 +93,66 @@ if not os.environ.get("NUMBA_CACHE_DIR"):
         os.utime(_cache)
         _drop_old_versions(_cache)
         numba.config.CACHE_DIR = str(_cache)  # type: ignore[attr-defined]
+        cache_folder = _cache
     except (OSError, RuntimeError):
         pass  # no home directory, or a read-only one: the compiler finds another place, or none
 
 compile_once()
 
-kernel = partial(njit, cache=True, nogil=True, error_model="numpy", fastmath=_FAST_FLAGS)
+# None is ever called by way of C: leaving that entry out saves a tenth of the compiling.
+_compiler = partial(njit, cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+
+kernel = partial(_compiler, fastmath=_FAST_FLAGS)
 """Decorator factory for hot loops: ``@kernel()``."""
 
 lean_kernel = partial(kernel, _nrt=False)
 """The same for small functions that are handed many arrays, millions of times a second: they do
 not count references to arrays, which takes longer than what they do, and so cannot make any."""
 
-exact_kernel = partial(njit, cache=True, nogil=True, error_model="numpy", fastmath=False)
+exact_kernel = partial(_compiler, fastmath=False)
 """Decorator factory where IEEE order of operations matters: geometric predicates, hashing."""
+
+
+_dispatcher: Any = Dispatcher
+_compile = _dispatcher._compile_for_args
+
+
+def kernels_of(run: Callable[[], object]) -> list[tuple[Dispatcher, tuple[Any, ...]]]:
+    """The kernels that something calls, with the types of their arguments, in order.
+
+    Nothing is compiled: kernels run as plain Python. For processes that do nothing else.
+    """
+    found: dict[tuple[Dispatcher, tuple[Any, ...]], None] = {}
+    depth = 0
+
+    def note(kernel_: Dispatcher, *_: Any) -> Callable[..., Any]:
+        def plain(*arguments: Any) -> Any:
+            nonlocal depth
+            if depth == 0:
+                found[kernel_, tuple(numba.typeof(a) for a in arguments)] = None
+            depth += 1
+            try:
+                result = kernel_.py_func(*arguments)
+            finally:
+                depth -= 1
+            return result if depth else _as_returned(result)
+
+        return plain
+
+    _dispatcher._compile_for_args = note
+    try:
+        with np.errstate(all="ignore"):
+            run()
+    finally:
+        _dispatcher._compile_for_args = _compile
+    return list(found)
+
+
+def _as_returned(result: Any) -> Any:
+    """What a kernel returns, with Python's numbers as compiled ones have them."""
+    if type(result) is tuple:
+        return tuple(_as_returned(part) for part in result)
+    return result.item() if isinstance(result, np.generic) else result
 
 
 def compiled(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
@@ -83,8 +161,8 @@ def compiled(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any
     To choose it by the types of a hundred arrays takes longer than many a kernel. It does not
     look at its arguments: they must have exactly these types.
     """
-    if not isinstance(function, Dispatcher):
-        return function  # Compilation is switched off.
+    if not isinstance(function, Dispatcher) or _dispatcher._compile_for_args is not _compile:
+        return function  # Compilation is switched off, or calls are only noted.
     types = tuple(numba.typeof(argument) for argument in arguments)
     function.compile(types)
     machine: Any = function.overloads[types]

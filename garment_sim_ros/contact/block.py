@@ -73,9 +73,9 @@ def load_block(x, begin, end, block):
         block[NEXT + p] = np.float32(np.inf)
         block[OUTER + p] = np.float32(np.inf)
         block[WHICH + p] = np.float32(-1.0)
-    x0, x1 = _extremes(block, X, X + BLOCK)
-    y0, y1 = _extremes(block, Y, Y + BLOCK)
-    z0, z1 = _extremes(block, Z, Z + BLOCK)
+    x0, x1 = _extremes(block, X + BLOCK)
+    y0, y1 = _extremes(block, Y + BLOCK)
+    z0, z1 = _extremes(block, Z + BLOCK)
     return x0, y0, z0, x1, y1, z1
 
 
@@ -90,8 +90,9 @@ def _higher(a, b):
 
 
 @lean_kernel()
-def _extremes(numbers, begin, end):
-    """Lowest and highest of numbers, a multiple of four of them, in four chains at once."""
+def _extremes(numbers, end):
+    """Lowest and highest of a block of numbers, in four chains at once."""
+    begin = end - BLOCK
     at = np.uint64(begin)
     a0 = a1 = numbers[at]
     b0 = b1 = numbers[at + _ONE]

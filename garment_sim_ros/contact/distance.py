@@ -118,7 +118,7 @@ def deepest_shape(
     bz = nz
     found = known
     for c in range(count):
-        k = near[c]
+        k = np.int64(near[c])
         if least[c] - moved > min(best, reach) or k == known:
             continue
         d, nx, ny, nz = shape_distance(shapes, posed, k, px, py, pz, reach)

@@ -9,7 +9,8 @@ from garment_sim_ros.geometry.locality import BLOCK
 
 IntArray = NDArray[np.int32]
 
-UNDER, PASSING, OPPOSED, LET_GO = 0, 1, 2, 3
+# Typed: for each plain number that it is handed a kernel would be compiled once more.
+UNDER, PASSING, OPPOSED, LET_GO = (np.int64(side) for side in range(4))
 """Sides on which a shape can be of a particle, see `Sides`."""
 
 

@@ -197,7 +197,7 @@ def sweep(shapes, posed, side, way, x, x_start, x_coast, thickness):
         cy = half * (my + sy)
         cz = half * (mz + sz)
         radius = np.sqrt((sx - cx) ** 2 + (sy - cy) ** 2 + (sz - cz) ** 2)
-        near = 0
+        near = np.int64(0)  # typed: `_stop` would else be compiled for 0, too
         for n in range(count):
             k = way.fast[n]
             slack = way.spread[n] * radius

@@ -215,7 +215,7 @@ def give_way(shapes, posed, near, least, count, px, py, pz, thickness, rounding)
         py,
         pz,
         thickness,
-        -1,
+        np.int64(-1),
         np.float32(np.inf),
         z,
         z,

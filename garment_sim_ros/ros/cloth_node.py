@@ -3,7 +3,6 @@
 import math
 import sys
 import time
-from functools import partial
 from threading import Thread
 from typing import Any
 
@@ -19,6 +18,7 @@ from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, read_outfit
 from garment_sim_ros.params import ClothNodeParameters, Environment
 from garment_sim_ros.ros import garment_publishers
 from garment_sim_ros.ros.cloth_stepper import POSE_COUNT, ClothStepper
+from garment_sim_ros.ros.compiler import Compiler, expected_scene
 from garment_sim_ros.ros.conversions import StampedPoses, poses_from, text_from
 from garment_sim_ros.ros.diagnostics import Condition
 from garment_sim_ros.ros.dresser import Dressed, Dresser
@@ -35,8 +35,7 @@ from garment_sim_ros.ros.sources import OTHER_PUBLISHER, Source
 from garment_sim_ros.sim.account import account, in_words
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.solvers import SOLVERS
-from garment_sim_ros.sim.warm_up import warm_up
-from garment_sim_ros.sim.world.wind_field import check_wind, compile_wind
+from garment_sim_ros.sim.world.wind_field import check_wind
 from garment_sim_ros.stamps import SECOND
 
 _FASTEST_INPUT = 1000.0
@@ -69,9 +68,8 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         self._qualities: list[GarmentQuality] = []
         self._early: list[StampedPoses] = []
         self._still_dressing: Thread | None = None
-        self._forces_wait = False
-        self._wind_compiles: Thread | None = None
         self._paused = False
+        self._forces_are_new = False
         self._frames = 0
         self._late_frames = 0
         self._step_ms = 0.0
@@ -90,17 +88,9 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             raise ParameterError("body", "found nothing", "allowed: the wearer's file")
         outfit = p.outfit or DEFAULT_OUTFIT
         file = read_outfit(outfit)
-        compiled = partial(
-            warm_up,
-            p.solver,
-            self_collision=any(entry.self_collision for entry in file.garments),
-            environment=self._environment.values,
-        )
-        with reporting(self.get_logger().info, "compile, or load what is compiled"):
-            compiled(
-                kinds={file.colliders.method.removesuffix("s")},
-                layers=len({entry.layer for entry in file.garments}) > 1,
-            )
+        compiler = Compiler(p.solver)
+        with reporting(self.get_logger().info, "compile, or load what is compiled") as tell:
+            compiler.compile(expected_scene(file), self._forces(), tell)
             garment_publishers.warm_up()
         # Last: by now `collider_node` may have left it in the cache.
         with reporting(self.get_logger().info, f"load the body {p.body}"):
@@ -113,10 +103,11 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             frame_id=p.frame_id,
             solver=p.solver,
             solver_step=p.solver_step,
-            warm_up=compiled,
+            compiler=compiler,
             parameters=self._forces,
             after=self._still_dressing,
         )
+        self._compiler = compiler
         self._steps_on_poses = p.step_on == "poses"
         self._quality = self.advertise(QUALITY)
         self._described: dict[bytes, str] = {}
@@ -165,22 +156,26 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             self._stepper.simulation.check(Parameters(environment=environment, settings=settings))
 
     def _change_forces(self, _: object) -> None:
-        # Wind on triangles that was not asked for before is compiled first, beside the cloth.
-        self._forces_wait = True
-        environment = self._environment.values
-        if (environment.wind_drag or environment.wind_lift) and self._wind_compiles is None:
-            self._wind_compiles = Thread(target=compile_wind, daemon=True)
-            self._wind_compiles.start()
+        self._forces_are_new = True
+        if self._stepper is not None and self._steps_on_poses:
+            # Which poses meet which forces must not depend on how fast this machine compiles.
+            self._compiler.compile_for(self._forces())
+            self._take_over_forces()
         self.tell_idle()
 
-    def _take_forces(self) -> None:
-        """Have parameters that were set act, once all that they run is compiled."""
-        compiles = self._wind_compiles
-        if self._stepper is None or not self._forces_wait:
+    def _take_over_forces(self) -> None:
+        """Simulate with the forces that were set, once what they run is compiled."""
+        if self._stepper is None or not self._forces_are_new:
             return
-        if compiles is None or not compiles.is_alive():
-            self._forces_wait = False
-            self._stepper.simulation.parameters = self._forces()
+        forces = self._forces()
+        if not self._compiler.is_ready(forces):
+            self._compiler.begin(forces)
+            return
+        self._forces_are_new = False
+        try:
+            self._stepper.simulation.parameters = forces
+        except ParameterError as error:
+            self.get_logger().warning(f"not used: {error}")
 
     def _forces(self) -> Parameters:
         return Parameters(environment=self._environment.values, settings=self._settings.values)
@@ -330,6 +325,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         stepper = self._stepper
         if stepper is None or not stepper.has_poses:
             return
+        self._take_over_forces()
         self._late_frames += ticks - 1 if self._frames else 0
         self._step_ms = 0.0
         moved = False
@@ -344,7 +340,6 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
 
     def _advance(self, until: int, *, in_time: bool) -> bool:
         assert self._stepper is not None
-        self._take_forces()
         began = time.perf_counter()
         moved = self._stepper.advance(until, in_time=in_time)
         self._step_ms = 1e3 * (time.perf_counter() - began)

@@ -10,8 +10,10 @@ from garment_sim_ros.errors import GarmentSimError, MessageError
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.ros.background import Background
+from garment_sim_ros.ros.compiler import Compiler
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.warm_up import Scene
 
 DESCRIPTION = "collider_description"
 
@@ -42,7 +44,7 @@ class Dresser:
         frame_id: Frame that descriptions must be in.
         solver: Name of the solver.
         solver_step: Its step [s].
-        warm_up: `sim.warm_up.warm_up` with all that does not depend on colliders and garments.
+        compiler: Compiles what the garments will run.
         parameters: Gives outer forces and numerical parameters, which must suit the colliders.
         after: A thread of an earlier dresser's to wait for, see `Background.retire`.
     """
@@ -55,7 +57,7 @@ class Dresser:
         frame_id: str,
         solver: str,
         solver_step: float,
-        warm_up: Callable[..., None],
+        compiler: Compiler,
         parameters: Callable[[], Parameters],
         after: threading.Thread | None = None,
     ) -> None:
@@ -64,8 +66,7 @@ class Dresser:
         self._frame_id = frame_id
         self._solver = solver
         self._solver_step = solver_step
-        self._warm_up = warm_up
-        self._compiled: set[frozenset[str]] = set()
+        self._compiler = compiler
         self._parameters = parameters
         self._work = Background(self._make, DESCRIPTION, after)
         self._revision = ""
@@ -110,14 +111,11 @@ class Dresser:
             simulation = Simulation(
                 outfit.garments, colliders, solver=self._solver, solver_step=self._solver_step
             )
-            simulation.parameters = self._parameters()
+            simulation.parameters = parameters = self._parameters()
+            # What the outfit did not tell of is compiled here and not in a frame.
+            self._compiler.compile(Scene.of(colliders, outfit.garments), parameters)
         except GarmentSimError as error:
             raise MessageError(DESCRIPTION, str(error)) from error
-        # Kinds of colliders that the outfit did not tell of are compiled here and not in a frame.
-        kinds = frozenset(c.kind for c in colliders.colliders) - {"frame"}
-        if kinds not in self._compiled:
-            self._warm_up(kinds=kinds, layers=any(g.layer for g in outfit.garments))
-            self._compiled.add(kinds)
         return Dressed(
             revision=colliders.revision,
             simulation=simulation,

@@ -11,24 +11,28 @@ _WORTH_TELLING = 0.5
 
 
 @contextmanager
-def reporting(log: Callable[[str], Any], what: str) -> Iterator[None]:
+def reporting(log: Callable[[str], Any], what: str) -> Iterator[Callable[[str], None]]:
     """Log every few seconds that work goes on, and in the end how long it took.
 
     Args:
         log: Takes a line of text.
         what: The work, as in "compile".
+
+    Yields:
+        Takes how far the work is, in words.
     """
+    far = [what]
     done = threading.Event()
     began = time.monotonic()
 
     def report() -> None:
         while not done.wait(_PERIOD):
-            log(f"{what}: {time.monotonic() - began:.0f} s so far")
+            log(f"{far[-1]}: {time.monotonic() - began:.0f} s so far")
 
     thread = threading.Thread(target=report, daemon=True)
     thread.start()
     try:
-        yield
+        yield lambda words: far.append(f"{what}, {words}")
     finally:
         done.set()
         thread.join()

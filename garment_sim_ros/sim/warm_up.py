@@ -1,6 +1,11 @@
-"""Compiling before the first step instead of in it."""
+"""Compiling before the first step instead of in it: what a scene has, and nothing else.
 
-from collections.abc import Collection
+A scene made of scraps of cloth, with the same features as the real one, goes through all that can
+happen to it.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,7 +13,9 @@ import numpy as np
 
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.sheet import sheet
-from garment_sim_ros.params import Environment, Material
+from garment_sim_ros.params import Material
+from garment_sim_ros.sim.model import Parameters
+from garment_sim_ros.sim.placement import GarmentLike, SoftAttachments
 from garment_sim_ros.sim.simulation import Simulation
 
 _CORNERS = 0.1 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
@@ -31,52 +38,134 @@ _GEOMETRY: dict[str, dict[str, object]] = {
 }
 
 
+@dataclass(frozen=True, order=True, kw_only=True)
+class Features:
+    """What of a garment decides which code it runs.
+
+    Attributes:
+        layer: See `garment.Garment`.
+        pinned: Whether it has pins.
+        max_distance: Whether something holds it near to where it would be as skin.
+        backstop: Whether something keeps it from getting behind that.
+        soft: Whether springs hold it.
+        tethers: Whether it has tethers.
+        self_collision: Whether it is kept from passing through itself.
+        passed: Whether something passes it by.
+    """
+
+    layer: int = 0
+    pinned: bool = True
+    max_distance: bool = False
+    backstop: bool = False
+    soft: bool = False
+    tethers: bool = False
+    self_collision: bool = False
+    passed: bool = False
+
+    @classmethod
+    def of(cls, garment: GarmentLike) -> "Features":
+        """Those of a garment."""
+        return cls(
+            layer=garment.layer,
+            pinned=len(garment.pins) > 0,
+            max_distance=garment.max_distance is not None,
+            backstop=garment.backstop is not None,
+            soft=garment.soft is not None,
+            tethers=garment.tethers is not None,
+            self_collision=garment.self_collision is not None,
+            passed=bool(garment.passed_by),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """What decides which code a simulation runs, besides its solver and parameters.
+
+    Attributes:
+        kinds: Kinds of the colliders.
+        garments: Features of the garments.
+    """
+
+    kinds: frozenset[str] = field(default_factory=frozenset)
+    garments: frozenset[Features] = frozenset({Features()})
+
+    @classmethod
+    def of(cls, colliders: ColliderSet, garments: Iterable[GarmentLike]) -> "Scene":
+        """Of garments on colliders."""
+        return cls(
+            kinds=frozenset(c.kind for c in colliders.colliders) - {"frame"},
+            garments=frozenset(Features.of(garment) for garment in garments),
+        )
+
+
 def warm_up(
-    solver: str = "relaxation",
-    *,
-    kinds: Collection[str] = ("sphere",),
-    layers: bool = False,
-    self_collision: bool = False,
-    environment: Environment | None = None,
+    scene: Scene, solver: str = "relaxation", parameters: Parameters | None = None
 ) -> None:
-    """Compiles, or loads from the cache, all that a `Simulation` with this solver runs.
+    """Compiles, or loads from the cache, all that a `Simulation` of such a scene runs.
 
     Args:
-        solver: Its name.
-        kinds: Kinds of the colliders; the code of hulls, sdfs and ellipsoids is only compiled for
-            sets that have some.
-        layers: Whether garments are worn over others.
-        self_collision: Whether garments are kept from passing through themselves.
-        environment: Outer forces: wind on triangles is compiled where there is any.
+        scene: What there is.
+        solver: Name of the solver.
+        parameters: Outer forces and settings; defaults where None.
 
     Raises:
-        ParameterError: An environment that cannot be.
+        ParameterError: Parameters that cannot be, or not with these colliders.
     """
-    scrap: Any = _sheet(
-        2,
-        max_distance=np.full(4, 1.0),
-        backstop=np.full(4, 1.0),
-        tethers=1.0,
-        self_collision=0.002 if self_collision else None,
-    )
+    garments: list[Any] = [_scrap(f"scrap{i}", f) for i, f in enumerate(sorted(scene.garments))]
+    kinds = sorted(scene.kinds)
+    shapes = [_collider(kind, kind, "bone") for kind in kinds]
+    passing = [kind for kind in kinds if kind != "mesh"]
+    if passing and any(f.passed for f in scene.garments):
+        shapes.append(_collider("passing", passing[0], "passing"))
     frame = Collider(name="frame", kind="frame", bone="bone")
-    shapes = (
-        Collider(name=kind, kind=kind, bone="bone", geometry=_GEOMETRY[kind])
-        for kind in sorted(kinds)
-    )
-    over: Any = SimpleNamespace(**{**vars(scrap), "name": "over", "layer": int(layers)})
-    colliders = ColliderSet(colliders=(frame, *shapes))
     simulation = Simulation(
-        (scrap, over),
-        colliders,
-        environment=environment,
+        garments,
+        ColliderSet(colliders=(frame, *shapes)),
+        environment=None if parameters is None else parameters.environment,
+        settings=None if parameters is None else parameters.settings,
         solver=solver,
     )
-    poses = ColliderPoses.identity(1 + len(kinds))
-    simulation.reset(poses)
-    far = ColliderPoses(position=poses.position + 2.0, orientation=poses.orientation)
+    near = ColliderPoses.identity(1 + len(shapes))
+    far = ColliderPoses(position=near.position + 2.0, orientation=near.orientation)
+    simulation.reset(near)
+    simulation.advance(near, near, 2.5 * simulation.solver_step)
     simulation.advance(far, far)
-    simulation.normals("scrap")
+    simulation.carry(far, near)
+    for name in simulation.names:
+        simulation.state(name).x[0] = np.nan  # is mended
+        simulation.advance(near, near)
+        simulation.state(name).x[:] = np.nan
+        simulation.advance(near, near)
+        simulation.normals(name)
+
+
+def _collider(name: str, kind: str, bone: str) -> Collider:
+    return Collider(name=name, kind=kind, bone=bone, geometry=_GEOMETRY[kind])
+
+
+def _scrap(name: str, features: Features) -> SimpleNamespace:
+    """A small garment with such features."""
+    side = 4 if features.self_collision else 2
+    count = side * side
+    soft = SoftAttachments(
+        vertices=np.array([1], np.int32),
+        frame=np.zeros(1, np.int32),
+        stiffness=np.ones(1),
+        damping=np.zeros(1),
+    )
+    return _sheet(
+        side,
+        name=name,
+        layer=features.layer,
+        pins=np.zeros(int(features.pinned), np.int32),
+        pin_frame=np.zeros(int(features.pinned), np.int32),
+        max_distance=np.full(count, 1.0) if features.max_distance else None,
+        backstop=np.full(count, 1.0) if features.backstop else None,
+        soft=soft if features.soft else None,
+        tethers=1.0 if features.tethers else None,
+        self_collision=0.002 if features.self_collision else None,
+        passed_by=("passing",) if features.passed else (),
+    )
 
 
 def _sheet(side: int, **asked: object) -> SimpleNamespace:

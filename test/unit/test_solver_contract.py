@@ -7,7 +7,7 @@ from numba.core.runtime import _nrt_python
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.params import ImplicitSettings, XpbdSettings
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.warm_up import warm_up
+from garment_sim_ros.sim.warm_up import Scene, warm_up
 
 SETTINGS = {"xpbd": XpbdSettings, "implicit": ImplicitSettings}
 TOUCH = {"xpbd": 1e-6, "implicit": 1e-4}
@@ -34,7 +34,7 @@ def on_a_ball(cloth, solver, side=12, solver_step=1 / 60, settings=None, **mater
 
 @pytest.mark.parametrize("solver", ["xpbd", pytest.param("implicit", marks=pytest.mark.slow)])
 def test_warm_up_knows_it(solver):
-    warm_up(solver)
+    warm_up(Scene(kinds=frozenset({"sphere"})), solver)
 
 
 @both

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.jit import kernel
-from garment_sim_ros.params import Environment, Material
-from garment_sim_ros.sim.model import ClothModel, build_model
+from garment_sim_ros.params import Environment
+from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.state import State
 
 FloatArray = NDArray[np.float64]
@@ -311,15 +311,6 @@ class WindOnCloth:
         )
         if not len(field.phase):
             self._gust[:] = 0.0
-
-
-def compile_wind() -> None:
-    """Compile, or load from the cache, what wind on a garment runs."""
-    corners = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]])
-    model = build_model("scrap", corners, np.array([[0, 1, 2]], np.int32), Material())
-    wind = wind_field(Environment(wind_drag=1.0, gust=1.0))
-    state = State.at(model, corners, np.zeros(3))
-    WindOnCloth(model).blow(wind, state, np.zeros(3), 0.0, 0.01)
 
 
 @kernel()

@@ -1,0 +1,105 @@
+"""Compiling what a node's frames run, each scene once."""
+
+import dataclasses
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from garment_sim_ros.errors import GarmentSimError
+from garment_sim_ros.garment.outfit_file import OutfitFile
+from garment_sim_ros.sim.compile_ahead import compile_ahead
+from garment_sim_ros.sim.model import Parameters
+from garment_sim_ros.sim.warm_up import Features, Scene, warm_up
+
+
+class Compiler:
+    """Compiles for scenes and parameters before a frame needs it.
+
+    Args:
+        solver: Name of the solver.
+    """
+
+    def __init__(self, solver: str) -> None:
+        self._solver = solver
+        self._scene = Scene()
+        self._compiled: set[tuple[Scene, tuple[Any, ...]]] = set()
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
+
+    def compile(
+        self,
+        scene: Scene,
+        parameters: Parameters,
+        tell: Callable[[str], object] = lambda words: None,
+    ) -> None:
+        """See to it that nothing is left to compile for a scene, from now on the current one.
+
+        Args:
+            scene: What there is.
+            parameters: Outer forces and settings.
+            tell: Takes how far it is, in words.
+
+        Raises:
+            GarmentSimError: A scene that cannot be.
+        """
+        with self._lock:
+            self._scene = scene
+            key = (scene, _choice(parameters))
+            if key not in self._compiled:
+                compile_ahead(scene, self._solver, parameters, tell)
+                warm_up(scene, self._solver, parameters)
+                self._compiled.add(key)
+
+    def is_ready(self, parameters: Parameters) -> bool:
+        """Whether nothing is left to compile for the current scene with other parameters."""
+        return (self._scene, _choice(parameters)) in self._compiled
+
+    def compile_for(self, parameters: Parameters) -> None:
+        """Compile for the current scene with other parameters."""
+        scene = self._scene
+        try:
+            self.compile(scene, parameters)
+        except GarmentSimError:
+            # Whoever gives these parameters to the simulation gets the same error.
+            self._compiled.add((scene, _choice(parameters)))
+
+    def begin(self, parameters: Parameters) -> None:
+        """`compile_for` beside the node's thread, unless it is at it."""
+        if self._thread is None or not self._thread.is_alive():
+            self._thread = threading.Thread(
+                target=self.compile_for, args=(parameters,), daemon=True
+            )
+            self._thread.start()
+
+
+def expected_scene(file: OutfitFile) -> Scene:
+    """What an outfit tells of its scene before there are a body and colliders."""
+    return Scene(
+        kinds=frozenset({file.colliders.method.removesuffix("s")}),
+        garments=frozenset(
+            Features(
+                layer=entry.layer,
+                max_distance=entry.holds.max_distance is not None,
+                backstop=entry.holds.backstop is not None,
+                tethers=entry.holds.tethers is not None,
+                soft=bool(np.isfinite(entry.holds.stiffness)),
+                pinned=not np.isfinite(entry.holds.stiffness),
+                self_collision=entry.self_collision is not False,
+            )
+            for entry in file.garments
+        ),
+    )
+
+
+def _choice(parameters: Parameters) -> tuple[Any, ...]:
+    """What of parameters can decide which code is run: words, and which numbers are 0 or 1."""
+    groups = (parameters.environment, parameters.settings)
+    values = [value for group in groups for value in dataclasses.asdict(group).values()]
+    return tuple(
+        value
+        if isinstance(value, (str, bool))
+        else (bool(np.any(np.asarray(value))), bool(np.all(np.asarray(value) == 1)))
+        for value in values
+    )
