@@ -125,7 +125,7 @@ def _moving_joint(robot: Element, clip: Clip, c: int, parent: str, child: str) -
 def _origin(joint: Element, T: FloatArray) -> None:
     if np.array_equal(T, np.eye(4)):
         return
-    rpy = Rotation.from_matrix(T[:3, :3]).as_euler("xyz")
+    rpy = Rotation.from_matrix(T[:3, :3].copy()).as_euler("xyz")  # old ones want to write
     SubElement(joint, "origin", xyz=_text(T[:3, 3]), rpy=_text(rpy))
 
 
