@@ -3,7 +3,7 @@
     python bench/balanced.py [--setting xpbd:20:10:1 relaxation:6:3] [--json]
 
 A T-shirt and a short skirt of 1,503 and 1,687 vertices on the walking mannequin, 60 frames a
-second. A setting is ``relaxation:STEPS:SWEEPS`` or ``xpbd:SUB_STEPS:BENDING_EVERY:ITERATIONS``,
+second. A setting is ``relaxation:STEPS:SWEEPS`` or ``xpbd:SUB_STEPS:SEARCH_EVERY:ITERATIONS``,
 steps for each frame; a last ``:1`` asks for the coarse level. Fabrics are the outfit's but for
 `--stretch` and `--shear`: jersey gives by more than the goal itself. The figures:
 
@@ -85,7 +85,7 @@ def chosen(text: str) -> tuple[str, Any, float]:
     if solver == "relaxation":
         return solver, RelaxationSettings(sweeps=n[1]), FRAME / n[0]
     settings = XpbdSettings(
-        sub_step=FRAME / n[0], bending_every=n[1], iterations=n[2], coarse=n[3:] == [1]
+        sub_step=FRAME / n[0], search_every=n[1], iterations=n[2], coarse=n[3:] == [1]
     )
     return solver, settings, FRAME
 

@@ -1,6 +1,6 @@
 """A cloth of 1 m x 1 m falls on a sphere: cost, stretch, rest and penetration.
 
-    python bench/drape.py [--solver xpbd] [--sub-steps 16 32 64] [--bending-every 8] [--json]
+    python bench/drape.py [--solver xpbd] [--sub-steps 16 32 64] [--search-every 8] [--json]
     python bench/drape.py --solver implicit --sub-steps 1 2 --iterations 8
     python bench/drape.py --pinned 0.0667 --sub-steps 80 160 [--tethers 0]
 
@@ -158,7 +158,7 @@ def main() -> None:
     parser.add_argument("--solver", default="xpbd", choices=("xpbd", "implicit", "relaxation"))
     parser.add_argument("--sub-steps", type=int, nargs="+", default=[12, 16, 32, 64])
     parser.add_argument("--iterations", type=int, default=1, help="passes or sweeps in each")
-    parser.add_argument("--bending-every", type=int, default=4)
+    parser.add_argument("--search-every", type=int, default=4)
     parser.add_argument("--coarse", action="store_true", help="with the coarse level of `xpbd`")
     parser.add_argument("--pinned", type=float, help="hang it by two corners; frame [s]")
     parser.add_argument("--tethers", type=float, help="with tethers that stretch by this part")
@@ -173,7 +173,7 @@ def main() -> None:
                 settings: object = XpbdSettings(
                     sub_step=frame / n,
                     iterations=options.iterations,
-                    bending_every=min(options.bending_every, n),
+                    search_every=min(options.search_every, n),
                     coarse=options.coarse,
                 )
                 step = frame

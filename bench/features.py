@@ -1,6 +1,6 @@
 """What each feature costs, and what it does, alone: the dressed walk with and without it.
 
-    python bench/features.py [--seconds 4] [--solver relaxation] [--json]
+    python bench/features.py [--seconds 4] [--solver xpbd] [--json]
 
 A T-shirt and a short skirt of 1,503 and 1,687 vertices on the walking mannequin with hulls, a
 solver at its defaults. "Plain" has one layer, no farthest distance and no friction; every other
@@ -100,7 +100,7 @@ def main() -> None:
     """Runs all rows in turns."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--seconds", type=float, default=4.0)
-    parser.add_argument("--solver", default="relaxation", choices=SOLVERS)
+    parser.add_argument("--solver", default="xpbd", choices=SOLVERS)
     parser.add_argument("--json", action="store_true", help="print one JSON object only")
     options = parser.parse_args()
     walk = Walk("mannequin", "walk", options.seconds)

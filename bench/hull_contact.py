@@ -49,7 +49,7 @@ _TURNS = 12
 def walked(outfits: Sequence[Garment], colliders: ColliderSet, body: Body) -> dict[str, list[Any]]:
     """What each garment brings to its collisions in 30 steps of the walk, after 1.5 s of it."""
     path = Avatar(body, colliders).play("walk", 60, seconds=100 / 60, repeat="loop")
-    simulation = Simulation(outfits, colliders)
+    simulation = Simulation(outfits, colliders, solver="relaxation")
     brought: dict[str, list[Any]] = {name: [] for name in simulation.names}
     seen = itertools.cycle(simulation.names)
 
@@ -144,7 +144,7 @@ def contact() -> dict[str, Any]:
     steps = {name: walked(outfits, colliders, body) for name, colliders in sets.items()}
     # The clock of a busy machine drifts: in turns, so that ratios stay.
     took: dict[tuple[str, str], list[float]] = {}
-    simulation = Simulation(outfits, sets["hull"])
+    simulation = Simulation(outfits, sets["hull"], solver="relaxation")
     with tempfile.TemporaryDirectory() as folder:
         units = [Unit(simulation, folder, garment.name) for garment in outfits]
     sweeps = []

@@ -23,7 +23,7 @@ from garment_sim_ros.sim.simulation import Simulation
 
 SETTINGS = {
     "relaxation": (RelaxationSettings(sweeps=3), drape.FRAME / 3),
-    "xpbd": (XpbdSettings(sub_step=drape.FRAME / 10, bending_every=10), drape.FRAME),
+    "xpbd": (XpbdSettings(sub_step=drape.FRAME / 10, search_every=10), drape.FRAME),
 }
 FALL = 20
 

@@ -32,7 +32,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--clip", default="walk")
     parser.add_argument("--seconds", type=float, default=2.0)
-    parser.add_argument("--solver", default="relaxation")
+    parser.add_argument("--solver", default="xpbd")
     parser.add_argument("--json", action="store_true", help="print one JSON object only")
     options = parser.parse_args()
     avatar = Avatar.load("mannequin")

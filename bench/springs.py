@@ -53,7 +53,7 @@ def sub_step_per_sweep(model: ClothModel, rounds: int, sub_steps: int = 20) -> f
     state = State.at(model, model.rest[np.argsort(model.vertex)], np.zeros(3))
     workspace = xpbd.XpbdWorkspace.room_for(model, 0)
     colliders = ColliderState.of(ColliderSet(colliders=()))
-    settings = XpbdSettings(sub_step=1 / 60 / sub_steps, bending_every=10)
+    settings = XpbdSettings(sub_step=1 / 60 / sub_steps, search_every=10)
     params = Parameters(environment=Environment(), settings=settings)
     springs = model.springs
     arrays = (springs.particles, springs.rest_length, springs.share)

@@ -29,7 +29,7 @@ STRETCH = 0.02
 SETTINGS: dict[str, tuple[str, Any]] = {
     **{f"relaxation, {n} sweeps": ("relaxation", RelaxationSettings(sweeps=n)) for n in (1, 2, 3)},
     **{
-        f"xpbd, {n} sub-steps": ("xpbd", XpbdSettings(sub_step=FRAME / n, bending_every=2))
+        f"xpbd, {n} sub-steps": ("xpbd", XpbdSettings(sub_step=FRAME / n, search_every=2))
         for n in (6, 12)
     },
 }

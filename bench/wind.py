@@ -44,7 +44,7 @@ def main() -> None:
     scenes = {}
     for name, wind in WINDS.items():
         environment = Environment(**wind)
-        simulation = Simulation(garments, colliders, environment=environment)
+        simulation = Simulation(garments, colliders, environment=environment, solver="relaxation")
         simulation.reset(poses)
         simulation.advance(poses, poses)
         field = wind_field(environment)

@@ -32,7 +32,7 @@ from garment_sim_ros.sim.simulation import Simulation
 FRAMES = 30
 SLOPE = np.radians(45.0)
 """How far from the horizontal the cloth starts, downwards."""
-REFERENCE = ("xpbd", XpbdSettings(sub_step=FRAME / 960, bending_every=4), FRAME)
+REFERENCE = ("xpbd", XpbdSettings(sub_step=FRAME / 960, search_every=4), FRAME)
 CHECK = ("implicit", ImplicitSettings(sub_step=FRAME / 32, iterations=20), FRAME)
 COLOUR = {
     "relaxation": (120, 120, 120),

@@ -423,10 +423,14 @@ class ClothNodeParameters:
         choices=("timer", "poses"),
     )
     solver: str = parameter(
-        "relaxation", "Name of the solver.", choices=("relaxation", "xpbd", "implicit")
+        "xpbd", "Name of the solver.", choices=("xpbd", "relaxation", "implicit")
     )
     solver_step: float = parameter(
-        1 / 180, "Fixed step of the solver.", unit="s", minimum=1e-4, maximum=0.5
+        1 / 60,
+        "Fixed step of the solver; relaxation needs about 1/180.",
+        unit="s",
+        minimum=1e-4,
+        maximum=0.5,
     )
     normals: bool = parameter(False, "Add vertex normals to the points.")
     catch_up: float = parameter(
@@ -476,15 +480,15 @@ class XpbdSettings:
     """Numerical parameters of the `xpbd` solver."""
 
     sub_step: float = parameter(
-        1 / 1200,
+        1 / 1080,
         "Longest sub-step: shorter is stiffer cloth and slower.",
         unit="s",
         minimum=1e-5,
         maximum=0.1,
     )
     iterations: int = parameter(1, "Passes over the edges in a sub-step.", minimum=1, maximum=1000)
-    bending_every: int = parameter(
-        4,
+    search_every: int = parameter(
+        6,
         "Sub-steps for each search for contacts and each pass over hinges, unless stiff.",
         minimum=1,
         maximum=64,

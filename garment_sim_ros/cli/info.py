@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--bone-names", metavar="F", default="", help="YAML file of the body's bones")
     add("--outfit", metavar="F", default=DEFAULT_OUTFIT, help=f"default: {DEFAULT_OUTFIT}")
     add("--solver", choices=tuple(SOLVERS), default=default.solver)
-    add("--solver-step", metavar="S", type=float, default=default.solver_step, help="[s]")
+    add("--solver-step", metavar="S", type=float, help="[s]; default: the solver's")
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:

@@ -61,7 +61,7 @@ class Simulation:
         environment: Outer forces.
         settings: Numerical parameters of the solver; its defaults where None.
         solver: Name in `SOLVERS`.
-        solver_step: Longest step that the solver takes at once [s].
+        solver_step: Longest step that the solver takes at once [s]; its usual one where None.
         parameters: Single values of `Environment` and of the solver's settings by name; they
             win over the groups.
 
@@ -78,13 +78,15 @@ class Simulation:
         preset: str | None = None,
         environment: Environment | None = None,
         settings: RelaxationSettings | XpbdSettings | ImplicitSettings | None = None,
-        solver: str = "relaxation",
-        solver_step: float = 1 / 180,
+        solver: str = "xpbd",
+        solver_step: float | None = None,
         **parameters: Any,
     ) -> None:
         check_preset(preset)
         if solver not in SOLVERS:
             raise ParameterError("solver", f"found {solver!r}", f"allowed: {', '.join(SOLVERS)}")
+        if solver_step is None:
+            solver_step = SOLVERS[solver].usual_step
         if not (math.isfinite(solver_step) and solver_step > 0.0):
             raise ParameterError("solver_step", f"found {solver_step!r}", "allowed: above 0 s")
         garments = garments_of(garments)

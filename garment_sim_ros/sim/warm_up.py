@@ -98,9 +98,7 @@ class Scene:
         )
 
 
-def warm_up(
-    scene: Scene, solver: str = "relaxation", parameters: Parameters | None = None
-) -> None:
+def warm_up(scene: Scene, solver: str = "xpbd", parameters: Parameters | None = None) -> None:
     """Compiles, or loads from the cache, all that a `Simulation` of such a scene runs.
 
     Args:

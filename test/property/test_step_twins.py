@@ -90,7 +90,7 @@ def test_xpbd(scene, iterations, every, moving):
     workspace = XpbdWorkspace.room_for(model, 1)
     workspace.attached = attached
     workspace.motion[0] = 1e3 if moving else 0.0
-    settings = XpbdSettings(sub_step=dt, iterations=iterations, bending_every=every)
+    settings = XpbdSettings(sub_step=dt, iterations=iterations, search_every=every)
     xpbd.step(
         model,
         colliders,

@@ -13,7 +13,7 @@ from garment_sim_ros.sim.solvers import SOLVERS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 GROUPS = {
-    name: tuple(s.group for s in card.sections if s.solver in ("", "relaxation"))
+    name: tuple(s.group for s in card.sections if s.solver in ("", "xpbd"))
     for name, card in NODES.items()
 }
 LAUNCH = REPOSITORY / "launch" / "garment_sim.launch.py"

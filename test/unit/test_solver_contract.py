@@ -60,7 +60,7 @@ def test_a_cloth_on_a_ball_rests_at_the_thickness_and_hardly_moves(cloth, solver
 @pytest.mark.parametrize(
     ("solver", "settings", "step"),
     [
-        ("xpbd", XpbdSettings(bending_every=10), 1 / 60),
+        ("xpbd", XpbdSettings(search_every=10), 1 / 60),
         ("implicit", ImplicitSettings(sub_step=1 / 240), 1 / 240),
         ("implicit", ImplicitSettings(sub_step=1 / 240), 1 / 15),
     ],

@@ -19,7 +19,7 @@ SOLVERS = ("relaxation", "xpbd")
 ALL = (*SOLVERS, pytest.param("implicit", marks=pytest.mark.slow))
 COARSE = {
     "relaxation": RelaxationSettings(sweeps=1),
-    "xpbd": XpbdSettings(sub_step=1 / 360, bending_every=2),
+    "xpbd": XpbdSettings(sub_step=1 / 360, search_every=2),
 }
 
 

@@ -31,6 +31,7 @@ def dressed(cloth, collider, height, *, settings=None, environment=None, step=1 
         settings=settings or RelaxationSettings(contact="earliest"),
         environment=environment,
         solver_step=step,
+        solver="relaxation",
     )
     return simulation
 

@@ -35,7 +35,7 @@ def test_cloth_on_a_ball_rests_at_exactly_the_thickness(cloth):
     garment = cloth.garment(
         vertices + np.array([0.0, 0.0, 0.22]), triangles, friction=0.5, damping=1.0
     )
-    simulation = Simulation((garment,), cloth.colliders(ball("a", 0.2)))
+    simulation = Simulation((garment,), cloth.colliders(ball("a", 0.2)), solver="relaxation")
     still = poses_at([0.0, 0.0, 0.0])
     simulation.reset(still)
     for _ in range(60):
@@ -51,7 +51,9 @@ def test_crossing_colliders_hold_cloth_without_popping(cloth):
     """A cloth across two overlapping balls: nothing inside, nothing jumps."""
     vertices, triangles = cloth.grid(24, 16)
     garment = cloth.garment(vertices + np.array([0.0, 0.0, 0.14]), triangles, friction=0.3)
-    simulation = Simulation((garment,), cloth.colliders(ball("a", 0.12), ball("b", 0.12)))
+    simulation = Simulation(
+        (garment,), cloth.colliders(ball("a", 0.12), ball("b", 0.12)), solver="relaxation"
+    )
     still = poses_at([-0.09, 0.0, 0.0], [0.09, 0.0, 0.0])
     simulation.reset(still)
     before = simulation.positions("cloth").copy()
@@ -73,6 +75,7 @@ def test_legs_that_close_on_a_cloth_hold_it_between_them(cloth):
     simulation = Simulation(
         (cloth.garment(sheet, triangles, pins=range(16)),),
         cloth.colliders(capsule("l", 0.08, 0.05, 0.4), capsule("r", 0.08, 0.05, 0.4)),
+        solver="relaxation",
     )
     start = poses_at([0.0, -0.12, 0.0], [0.0, 0.12, 0.0])
     for k in range(60):
@@ -104,7 +107,10 @@ def test_cloth_on_a_slope_stays_below_the_friction_angle(cloth, friction, holds)
         vertices + np.array([0.0, 0.0, THICKNESS]), triangles, friction=friction
     )
     simulation = Simulation(
-        (garment,), cloth.colliders(ball("a", 50.0)), environment=Environment(gravity=gravity)
+        (garment,),
+        cloth.colliders(ball("a", 50.0)),
+        environment=Environment(gravity=gravity),
+        solver="relaxation",
     )
     still = poses_at([0.0, 0.0, -50.0])
     seconds = 2.0
@@ -121,7 +127,7 @@ def test_cloth_on_a_slope_stays_below_the_friction_angle(cloth, friction, holds)
 def test_cloth_rides_on_a_moving_collider_by_friction(cloth):
     vertices, triangles = cloth.grid(12, 12)
     garment = cloth.garment(vertices + np.array([0.0, 0.0, 0.102]), triangles, friction=0.8)
-    simulation = Simulation((garment,), cloth.colliders(ball("a", 0.1)))
+    simulation = Simulation((garment,), cloth.colliders(ball("a", 0.1)), solver="relaxation")
     start = poses_at([0.0, 0.0, 0.0])
     simulation.reset(start)
     for k in range(60):
@@ -139,6 +145,7 @@ def test_being_pushed_out_of_a_collider_gives_no_kick(cloth):
         (garment,),
         cloth.colliders(ball("a", 1.0)),
         environment=Environment(gravity=(0.0, 0.0, 0.0)),
+        solver="relaxation",
     )
     still = poses_at([0.0, 0.0, 0.0])
     for _ in range(30):
@@ -162,6 +169,7 @@ def scene(cloth, q, shift, steps):
         (cloth.garment(sheet, triangles, friction=0.3),),
         cloth.colliders(ball("a", 0.08), capsule("b", 0.08, 0.05, 0.2)),
         environment=Environment(gravity=gravity),
+        solver="relaxation",
     )
     start = ColliderPoses.identity(3)
     start.position[1:] = [[-0.05, 0.0, 0.0], [0.05, -0.1, 0.0]]

@@ -33,7 +33,10 @@ def test_free_fall_is_verlets_discrete_solution(cloth, dt, steps, away):
     vertices, triangles = cloth.grid(6, 6)
     vertices = vertices + away
     simulation = Simulation(
-        (cloth.garment(vertices, triangles),), cloth.colliders(), solver_step=dt
+        (cloth.garment(vertices, triangles),),
+        cloth.colliders(),
+        solver_step=dt,
+        solver="relaxation",
     )
     still = ColliderPoses.identity(1)
     still.position[:] = away
@@ -54,7 +57,7 @@ def test_terminal_speed_under_drag_and_damping(cloth):
     """m g = drag area v + damping m v, with wind from below carried along."""
     garment = cloth.garment(*cloth.grid(4, 4), areal_density=0.1, air_drag=0.2, damping=0.5)
     wind = Environment(wind=(1.0, 0.0, 2.0))
-    simulation = Simulation((garment,), cloth.colliders(), environment=wind)
+    simulation = Simulation((garment,), cloth.colliders(), environment=wind, solver="relaxation")
     advance(simulation, 600, 1 / 60)
     drag = 0.2 / 0.1
     expected = (np.array([0.0, 0.0, -G]) + drag * np.array([1.0, 0.0, 2.0])) / (drag + 0.5)
@@ -75,6 +78,7 @@ def test_pendulum_period(cloth, dt, sweeps):
         cloth.colliders(),
         settings=RelaxationSettings(sweeps=sweeps),
         solver_step=dt,
+        solver="relaxation",
     )
     side = []
     for _ in range(int(4.0 / dt)):
@@ -93,7 +97,9 @@ def test_pendulum_period(cloth, dt, sweeps):
 def test_spring_correction_conserves_linear_and_angular_momentum(cloth):
     """Per colour, where all corrections act along springs in their original place."""
     vertices, triangles = cloth.grid(20, 20)
-    simulation = Simulation((cloth.garment(vertices, triangles),), cloth.colliders())
+    simulation = Simulation(
+        (cloth.garment(vertices, triangles),), cloth.colliders(), solver="relaxation"
+    )
     model = simulation.model("cloth")
     springs = model.springs
     mass = model.mass.astype(np.float64)[:, None]
@@ -118,7 +124,10 @@ def test_momentum_without_outer_forces(cloth):
     """A cloth that flies, turns and shakes: linear momentum stays; turning decays slowly."""
     vertices, triangles = cloth.grid(12, 12)
     simulation = Simulation(
-        (cloth.garment(vertices, triangles),), cloth.colliders(), environment=WEIGHTLESS
+        (cloth.garment(vertices, triangles),),
+        cloth.colliders(),
+        environment=WEIGHTLESS,
+        solver="relaxation",
     )
     state = simulation.state("cloth")
     rng = np.random.default_rng(1)
@@ -138,7 +147,9 @@ def test_momentum_without_outer_forces(cloth):
 def test_energy_does_not_grow(cloth):
     """A shaken cloth pinned at a corner, without damping: kinetic and potential energy."""
     vertices, triangles = cloth.grid(8, 8)
-    simulation = Simulation((cloth.garment(vertices, triangles, pins=[0]),), cloth.colliders())
+    simulation = Simulation(
+        (cloth.garment(vertices, triangles, pins=[0]),), cloth.colliders(), solver="relaxation"
+    )
     model, state = simulation.model("cloth"), simulation.state("cloth")
 
     def energy():

@@ -18,6 +18,7 @@ def hanging(cloth, dt, sweeps, rows=12):
         cloth.colliders(),
         settings=RelaxationSettings(sweeps=sweeps),
         solver_step=dt,
+        solver="relaxation",
     )
     still = ColliderPoses.identity(1)
     simulation.reset(still)
@@ -51,6 +52,7 @@ def test_one_spring_between_a_pin_and_a_particle_does_not_stretch(cloth):
         (cloth.garment(corners, [[0, 2, 1]], pins=[0, 1]),),
         cloth.colliders(),
         settings=RelaxationSettings(sweeps=30),
+        solver="relaxation",
     )
     still = ColliderPoses.identity(1)
     for _ in range(20):
@@ -61,7 +63,9 @@ def test_one_spring_between_a_pin_and_a_particle_does_not_stretch(cloth):
 def test_compression_is_corrected_too(cloth):
     """The first paper corrects over-compression, unlike its reference 13."""
     vertices, triangles = cloth.grid(5, 5)
-    simulation = Simulation((cloth.garment(vertices, triangles),), cloth.colliders())
+    simulation = Simulation(
+        (cloth.garment(vertices, triangles),), cloth.colliders(), solver="relaxation"
+    )
     state = simulation.state("cloth")
     state.x *= np.float32(0.8)
     still = ColliderPoses.identity(1)

@@ -78,7 +78,7 @@ def test_free_fall_is_the_discrete_solution(cloth, solver, step, steps, away):
     vertices, triangles = cloth.grid(6, 6)
     vertices = vertices + away
     sub_step = min(step, 1 / 120) if solver == "xpbd" else step
-    settings = {"bending_every": 1} if solver == "xpbd" else {}
+    settings = {"search_every": 1} if solver == "xpbd" else {}
     simulation = dressed(
         *(cloth, solver, cloth.garment(vertices, triangles)),
         step=step,
@@ -137,7 +137,7 @@ def test_stretch_error_falls_with_the_square_of_the_sub_step(cloth):
 
 @cases(
     ("solver", "seconds", "settings"),
-    ("xpbd", 4.0, {"sub_step": 1 / 2400, "bending_every": 1}),
+    ("xpbd", 4.0, {"sub_step": 1 / 2400, "search_every": 1}),
     ("implicit", 8.0, {"sub_step": 1 / 480}),
 )
 def test_a_cantilever_bends_by_its_weight_over_its_bending_stiffness(

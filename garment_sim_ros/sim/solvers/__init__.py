@@ -21,6 +21,7 @@ class Solver:
         step: ``step(model, collider_state, params, state, workspace, dt)``.
         workspace: Makes the scratch arrays that its step needs for a model and a number of shapes.
         settings: Its group of numerical parameters.
+        usual_step: The step that those parameters are meant for [s].
         step_layers: Advances garments over garments that meet within the step, see
             `xpbd.step_layers`; None where they are parted after it.
     """
@@ -28,6 +29,7 @@ class Solver:
     step: Step
     workspace: Callable[[ClothModel, int], Workspace]
     settings: type
+    usual_step: float = 1 / 60
     step_layers: Callable[..., None] | None = None
 
 
@@ -36,6 +38,7 @@ SOLVERS: Mapping[str, Solver] = {
         step=relaxation.step,
         workspace=Workspace.room_for,
         settings=RelaxationSettings,
+        usual_step=1 / 180,
     ),
     "xpbd": Solver(
         step=xpbd.step,

@@ -40,7 +40,7 @@ def step(
 
     Each sub-step: outer forces and a prediction, pins, the edges, collision as an absolute
     constraint with friction, velocities. Bending and the search for contacts come every so often,
-    see `XpbdSettings.bending_every` and `XpbdWorkspace.prepare`; in between, contact is with
+    see `XpbdSettings.search_every` and `XpbdWorkspace.prepare`; in between, contact is with
     tangent planes. Does not allocate arrays after the first step.
 
     Args:
@@ -105,7 +105,7 @@ def _sub_steps(workspace: Workspace, params: Parameters, dt: float) -> tuple[int
     assert isinstance(settings, XpbdSettings)
     longest = settings.sub_step * min(1.0, math.sqrt(workspace.extent / _SMALL))
     count = max(1, math.ceil(dt / longest - 1e-6))
-    passes = math.ceil(count / settings.bending_every)
+    passes = math.ceil(count / settings.search_every)
     search_every = math.ceil(count / passes)
     return passes * search_every, search_every
 

@@ -40,6 +40,16 @@ def same_poses(position_a, orientation_a, position_b, orientation_b):
     return True
 
 
+@kernel(forceinline=True)
+def same(a, b):
+    """Whether two arrays [n, 3] are equal, number for number; `np.array_equal` allocates."""
+    for i in range(a.shape[0]):
+        for k in range(3):
+            if a[i, k] != b[i, k]:
+                return False
+    return True
+
+
 @kernel()
 def run_sub_steps(
     x,
@@ -147,7 +157,7 @@ def run_sub_steps(
         if flags[_STILL]:
             pose_shapes(shapes, end[0], end[1], end[0], end[1], origin, scratch, posed)
         # Where nothing was moved since the last step, its contacts are still those of the start.
-        flags[_KNOWN] = np.array_equal(x, x_end) and same_poses(
+        flags[_KNOWN] = same(x, x_end) and same_poses(
             start[0], start[1], to_position, to_orientation
         )
         flags[_TOUCHING] = 0
