@@ -220,7 +220,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
 
     def attend(self) -> None:
         """Take over garments that have been made."""
-        if self._steps_on_poses or self.state != "active":
+        if self.state != "active" or self._steps_on_poses:
             return
         try:
             self._put_on(self._dresser.result())
