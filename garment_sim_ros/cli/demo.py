@@ -116,6 +116,11 @@ def _table(summary: dict[str, Any]) -> str:
             f"p99 {_number(s['penetration_mm_p99'])} mm, deepest "
             f"{_number(s['penetration_mm_max'])} mm",
         ),
+        (
+            "still worn",
+            f"pierced {_percent(s['pierced'])} of the frames, inside "
+            f"{_percent(s['inside_p99'])} of the cloth (p99)",
+        ),
         ("gap to the skin", f"{_number(s['gap_mm_median'])} mm (median)"),
         ("stretch", f"p95 {_percent(s['strain_p95'])}, largest {_percent(s['strain_max'])}"),
         (

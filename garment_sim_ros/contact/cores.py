@@ -5,11 +5,12 @@ part has cloth on both of its sides. Spheres have none.
 """
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
@@ -69,8 +70,9 @@ class Cores:
         for i, points in _clouds(colliders):
             ends.append(_middle(points))
             carrier.append(i)
-            solids.append(i)
-            planes.append(ConvexHull(points).equations)
+            with suppress(QhullError):  # of flat ones, which nothing is inside of
+                planes.append(ConvexHull(points).equations)
+                solids.append(i)
         order = np.argsort(carrier, kind="stable")
         bone = [c.bone for c in colliders.colliders]
         core_bone = tuple(bone[carrier[k]] for k in order)

@@ -1,7 +1,7 @@
 """A recorded avatar: what its topics said, read back from the bag."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,15 +12,22 @@ from numpy.typing import NDArray
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from garment_sim_ros.errors import InputFileError
+from garment_sim_ros.colliders.description import from_json
+from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.errors import InputFileError, MessageError
+from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.mocap.bag_file import opened_bag
 from garment_sim_ros.stamps import nanoseconds
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
+_UNIT = 1e-2
+"""How far the length of a quaternion may be from 1."""
 _TYPES = {
     "robot_description": "std_msgs/msg/String",
+    "collider_description": "std_msgs/msg/String",
+    "collider_poses": "geometry_msgs/msg/PoseArray",
     "joint_states": "sensor_msgs/msg/JointState",
     "quality": "diagnostic_msgs/msg/DiagnosticArray",
     "topology": "shape_msgs/msg/Mesh",
@@ -48,6 +55,42 @@ class GarmentTrack:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ColliderTrack:
+    """Colliders over time.
+
+    Attributes:
+        colliders: The last set that was described.
+        stamp: Of each message with as many poses as it has [ns], increasing, shape [k].
+        position: Origins of the colliders' frames [m], shape [k, n, 3].
+        orientation: Unit quaternions (x, y, z, w), shape [k, n, 4].
+    """
+
+    colliders: ColliderSet
+    stamp: NDArray[np.int64]
+    position: FloatArray
+    orientation: FloatArray
+
+    def at(self, stamp: int) -> ColliderPoses | None:
+        """Poses at a time [ns], between two messages interpolated; None before and after all."""
+        if not len(self.stamp) or not self.stamp[0] <= stamp <= self.stamp[-1]:
+            return None
+        after = min(max(int(np.searchsorted(self.stamp, stamp)), 1), len(self.stamp) - 1)
+        before = max(after - 1, 0)
+        span = int(self.stamp[after] - self.stamp[before])
+        poses = ColliderPoses.identity(len(self.colliders))
+        interpolate_poses(
+            self.position[before],
+            self.orientation[before],
+            self.position[after],
+            self.orientation[after],
+            (stamp - int(self.stamp[before])) / max(span, 1),
+            poses.position,
+            poses.orientation,
+        )
+        return poses
+
+
+@dataclass(frozen=True, kw_only=True)
 class Recording:
     """An avatar's topics.
 
@@ -60,6 +103,7 @@ class Recording:
             those at which the joints are known.
         garments: By name.
         quality: Values over time of each key that each status of `quality` has.
+        colliders: Colliders and their poses; None where the bag has none that can be used.
     """
 
     robot_description: str
@@ -69,6 +113,7 @@ class Recording:
     stamp: NDArray[np.int64]
     garments: dict[str, GarmentTrack]
     quality: dict[str, dict[str, FloatArray]]
+    colliders: ColliderTrack | None = None
 
 
 def read_recording(path: str | Path, *, most_frames: int = 300) -> Recording:
@@ -165,7 +210,43 @@ def _read(reader: Reader, path: str | Path, most_frames: int) -> Recording:
             name: {key: np.array(values) for key, values in keys.items()}
             for name, keys in quality.items()
         },
+        colliders=_colliders(messages),
     )
+
+
+def _colliders(messages: Callable[[str], Iterator[tuple[str, int, Any]]]) -> ColliderTrack | None:
+    try:
+        text = [message.data for _, _, message in messages("collider_description")][-1]
+        colliders = from_json(text)
+        found = {
+            _nanoseconds(message): _poses(message)
+            for _, _, message in messages("collider_poses")
+            if len(message.poses) == len(colliders)
+        }
+    except (InputFileError, MessageError):
+        return None
+    stamps = sorted(stamp for stamp, poses in found.items() if _are_poses(poses))
+    poses = np.array([found[stamp] for stamp in stamps]).reshape(-1, len(colliders), 7)
+    return ColliderTrack(
+        colliders=colliders,
+        stamp=np.array(stamps, np.int64),
+        position=np.ascontiguousarray(poses[..., :3]),
+        orientation=np.ascontiguousarray(poses[..., 3:]),
+    )
+
+
+def _poses(message: Any) -> FloatArray:
+    """Positions and quaternions of a PoseArray, shape [n, 7]."""
+    rows = [
+        [getattr(p.position, k) for k in "xyz"] + [getattr(p.orientation, k) for k in "xyzw"]
+        for p in message.poses
+    ]
+    return np.array(rows, np.float64).reshape(-1, 7)
+
+
+def _are_poses(poses: FloatArray) -> bool:
+    norm = np.linalg.norm(poses[:, 3:], axis=1)
+    return bool(np.isfinite(poses).all() and (np.abs(norm - 1.0) < _UNIT).all())
 
 
 def _joints(messages: Iterable[Any]) -> tuple[tuple[str, ...], NDArray[np.int64], FloatArray]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.contact.pierced import Pierced, PiercedMeter
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.recording.bags import Recording
 from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh, late_frames, rate
@@ -63,6 +64,7 @@ def summarize(
     resets = [keys["resets"] for keys in recording.quality.values() if "resets" in keys]
     result = meter.result()
     result["finite"] = all(t.finite for t in recording.garments.values())
+    pierced = _pierced(recording)
     return {
         "frames": min(len(t) for t in times),
         "rate_hz": round(min(rate(t) for t in times), 3),
@@ -70,11 +72,29 @@ def summarize(
         "step_ms_median": round(float(np.median(step)), 4),
         "step_ms_p95": round(float(np.percentile(step, 95.0)), 4),
         **result,
+        "pierced": None if pierced is None else round(pierced.share, 4),
+        "pierced_frames": {} if pierced is None else pierced.by_bone,
         "resets": int(max(r[-1] for r in resets)),
         "recovered": int(sum(recovered)),
         "measured_frames": measured,
         "garments": {g.name: _garment(g) for g in garments},
     }
+
+
+def _pierced(recording: Recording) -> Pierced | None:
+    """Body parts that run through garments; None where colliders or their poses are missing."""
+    track = recording.colliders
+    if track is None:
+        return None
+    meter = PiercedMeter(track.colliders)
+    for k, stamp in enumerate(recording.stamp):
+        poses = track.at(int(stamp))
+        if poses is not None:
+            meter.add(
+                poses, {n: (g.positions[k], g.triangles) for n, g in recording.garments.items()}
+            )
+    result = meter.result()
+    return result if result.frames else None
 
 
 def _garment(garment: Garment) -> dict[str, Any]:

@@ -27,6 +27,7 @@ TOPICS = {
 }
 FIGURES = {
     *("frames", "rate_hz", "late_frames", "step_ms_median", "step_ms_p95"),
+    *("pierced", "inside_p99", "inside_median"),
     *("penetration_mm_p99", "penetration_mm_max", "gap_mm_median", "strain_p95", "strain_max"),
     *("finite", "resets", "garments"),
 }

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.contact.plain_shapes import capsule
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.mocap.source_urdf import urdf_from_clip
 from garment_sim_ros.mocap.walk import walk
-from garment_sim_ros.recording.bags import GarmentTrack, Recording
+from garment_sim_ros.recording.bags import ColliderTrack, GarmentTrack, Recording
 from garment_sim_ros.recording.previews import film_indices
 from garment_sim_ros.recording.replay import Replay
 from garment_sim_ros.recording.summary import figures, summarize
@@ -109,6 +111,7 @@ def test_summary_of_a_garment_that_is_the_skin(recording, body):
     assert summary["gap_mm_median"] == pytest.approx(0.0, abs=0.01)
     assert summary["resets"] == 1
     assert summary["finite"] is True
+    assert summary["pierced"] is None, "no colliders were recorded"
     share = summary["garments"]["belt"]["pinned_share"]
     assert share == pytest.approx(3 / len(belt.vertices), abs=1e-5)
 
@@ -123,3 +126,31 @@ def test_film_ends_where_it_began(recording, body):
     assert (np.diff(film) == 1).all()
     # A stride of the built-in walk takes about 1.1 s.
     assert 0.7 <= len(film) / 15.0 <= 1.5
+
+
+def test_summary_counts_the_frames_in_which_a_limb_is_through(recording, body):
+    # A rod through a triangle in the second half of the time; before that far above it.
+    worn = with_belt(recording, body)
+    track = worn.garments["belt"]
+    rod = capsule([-1.0, 0, 0], [1.0, 0, 0], 0.01, name="rod", bone="hips")
+    stamps = worn.stamp
+    middle = track.positions[:, track.triangles[0]].mean(axis=1)
+    middle[stamps < stamps[len(stamps) // 2], 2] += 50.0
+    lying = np.tile(rod.orientation, (len(stamps), 1, 1))
+    colliders = ColliderTrack(
+        colliders=ColliderSet(colliders=(rod,)),
+        stamp=stamps,
+        position=(middle + rod.position)[:, None].astype(float),
+        orientation=lying,
+    )
+    worn = dataclasses.replace(worn, colliders=colliders)
+    belt = Garment.from_mesh(track.vertices, track.triangles, name="belt")
+    summary = summarize(worn, body, [belt], figures(worn, body), frame_rate=60.0)
+    half = len(stamps) - len(stamps) // 2
+    assert summary["pierced"] == pytest.approx(half / len(stamps), abs=1e-4)
+    assert summary["pierced_frames"] == {"belt": {"hips": half}}
+    # Half-way between two messages it is half-way between two poses; outside of all nowhere.
+    poses = colliders.at(int(stamps[0] + stamps[1]) // 2)
+    expected = 0.5 * (colliders.position[0] + colliders.position[1])
+    assert poses.position == pytest.approx(expected, abs=1e-9)
+    assert colliders.at(int(stamps[0]) - 1) is None
