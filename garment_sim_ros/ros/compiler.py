@@ -9,9 +9,10 @@ import numpy as np
 
 from garment_sim_ros.errors import GarmentSimError
 from garment_sim_ros.garment.outfit_file import OutfitFile
+from garment_sim_ros.params import ColliderOptions
 from garment_sim_ros.sim.compile_ahead import compile_ahead
 from garment_sim_ros.sim.model import Parameters
-from garment_sim_ros.sim.warm_up import Features, Scene, warm_up
+from garment_sim_ros.sim.warm_up import REFITTED, Features, Scene, warm_up
 
 
 class Compiler:
@@ -77,7 +78,7 @@ class Compiler:
 def expected_scene(file: OutfitFile) -> Scene:
     """What an outfit tells of its scene before there are a body and colliders."""
     return Scene(
-        kinds=frozenset({file.colliders.method.removesuffix("s")}),
+        kinds=_kinds(file.colliders),
         garments=frozenset(
             Features(
                 layer=entry.layer,
@@ -91,6 +92,12 @@ def expected_scene(file: OutfitFile) -> Scene:
             for entry in file.garments
         ),
     )
+
+
+def _kinds(options: ColliderOptions) -> frozenset[str]:
+    """Kinds of the colliders that options ask for."""
+    kind = options.method.removesuffix("s")
+    return frozenset({kind, REFITTED} if kind == "ellipsoid" and options.refit else {kind})
 
 
 def _choice(parameters: Parameters) -> tuple[Any, ...]:

@@ -22,10 +22,19 @@ _CORNERS = 0.1 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 _FACES = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
 _GRID = np.full((3, 3, 3), 50, np.int16)
 _GRID[1, 1, 1] = -50
+REFITTED = "refitted ellipsoid"
+"""An ellipsoid that is fitted again in every pose, see `contact.ellipsoid_refit`."""
 _GEOMETRY: dict[str, dict[str, object]] = {
     "sphere": {"radius": 0.1},
     "capsule": {"radius0": 0.1, "radius1": 0.1, "length": 0.1},
     "ellipsoid": {"radii": np.full(3, 0.1)},
+    REFITTED: {
+        "radii": np.full(3, 0.1),
+        "frames": np.zeros(1, np.int64),
+        "points": 0.1 * np.array([np.indices((2, 2, 2)).reshape(3, -1).T - 0.5]),
+        "weights": np.ones((1, 8)),
+        "inflation": 0.001,
+    },
     "hull": {"vertices": _CORNERS, "faces": _FACES},
     "sdf": {"cell": 0.1, "step": 1e-3, "distance": _GRID},
     "mesh": {
@@ -82,7 +91,7 @@ class Scene:
     """What decides which code a simulation runs, besides its solver and parameters.
 
     Attributes:
-        kinds: Kinds of the colliders.
+        kinds: Kinds of the colliders; `REFITTED` stands for ellipsoids that change with the pose.
         garments: Features of the garments.
     """
 
@@ -93,7 +102,10 @@ class Scene:
     def of(cls, colliders: ColliderSet, garments: Iterable[GarmentLike]) -> "Scene":
         """Of garments on colliders."""
         return cls(
-            kinds=frozenset(c.kind for c in colliders.colliders) - {"frame"},
+            kinds=frozenset(
+                REFITTED if "points" in c.geometry else c.kind for c in colliders.colliders
+            )
+            - {"frame"},
             garments=frozenset(Features.of(garment) for garment in garments),
         )
 
@@ -138,7 +150,8 @@ def warm_up(scene: Scene, solver: str = "xpbd", parameters: Parameters | None = 
 
 
 def _collider(name: str, kind: str, bone: str) -> Collider:
-    return Collider(name=name, kind=kind, bone=bone, geometry=_GEOMETRY[kind])
+    of_set = "ellipsoid" if kind == REFITTED else kind
+    return Collider(name=name, kind=of_set, bone=bone, geometry=_GEOMETRY[kind])
 
 
 def _scrap(name: str, features: Features) -> SimpleNamespace:

@@ -26,7 +26,7 @@ class Stuck(ManagedNode):
         print("stuck", flush=True)
         {work}
 
-sys.exit(run(Stuck, []))
+sys.exit(run("mocap_player", Stuck, []))
 """
 
 

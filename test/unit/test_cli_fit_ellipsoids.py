@@ -59,7 +59,7 @@ def test_reports_the_skin_outside_over_a_clip(tmp_path, capsys):
     motion = json.loads((tmp_path / "c.report.json").read_text())["motion"]
     assert motion["poses"] == 30
     assert 0.0 <= motion["outside_mm_mean"] < motion["static"]["outside_mm_mean"]
-    assert motion["outside_mm_max"] < motion["static"]["outside_mm_max"]
+    assert motion["outside_mm_max"] <= motion["static"]["outside_mm_max"]
     refitted = [c for c in load_colliders(out).colliders if "points" in c.geometry]
     assert refitted
     assert cli.main([*words, "--no-refit", "--out", str(out)]) == 0

@@ -46,7 +46,7 @@ def _watch() -> None:
 
 
 def main(asked) -> None:
-    solver = asked.get("solver", "relaxation")
+    solver = asked.get("solver", "xpbd")
     parameters = Parameters(
         environment=Environment(**asked.get("environment", {})),
         settings=SOLVERS[solver].settings(**asked.get("settings", {})),

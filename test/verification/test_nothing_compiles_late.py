@@ -31,22 +31,28 @@ SCENES = {
     "held": scene(HELD),
     "soft": scene(SOFT),
     "layers, self-collision, wind": scene(SHIRT, OVER, environment=WINDY),
-    "xpbd": scene(SHIRT, SKIRT, solver="xpbd"),
-    "xpbd, held layers": scene(SHIRT, {**HELD, "layer": 1}, solver="xpbd", environment=WINDY),
+    "held layers": scene(SHIRT, {**HELD, "layer": 1}, environment=WINDY),
+    "relaxation": scene(SHIRT, {**HELD, "layer": 1}, solver="relaxation", environment=WINDY),
     "implicit": scene(SKIRT, solver="implicit"),
     "implicit, held, soft": scene(
         {**SOFT, "max_distance": 0.1, "backstop": 0.02}, solver="implicit", environment=WINDY
     ),
     "spheres": scene(SKIRT, method="spheres"),
     "ellipsoids": scene(SKIRT, method="ellipsoids"),
-    "earliest": scene(SKIRT, method="ellipsoids", settings={"contact": "earliest"}),
+    "earliest": scene(
+        SKIRT, method="ellipsoids", solver="relaxation", settings={"contact": "earliest"}
+    ),
     "hulls": scene(SKIRT, method="hulls"),
     "sdf": scene(SKIRT, method="sdf"),
-    "mesh": scene(SKIRT, method="mesh"),
+    "mesh": scene(SKIRT, method="mesh", solver="relaxation"),
 }
+QUICK = ("plain", "layers, self-collision, wind")
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in SCENES],
+)
 def test_nothing_is_compiled_or_loaded_in_a_frame(name):
     words = [sys.executable, str(SCRIPT), json.dumps(SCENES[name])]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
