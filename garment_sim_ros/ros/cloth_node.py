@@ -90,7 +90,9 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         file = read_outfit(outfit)
         compiler = Compiler(p.solver)
         with reporting(self.get_logger().info, "compile, or load what is compiled") as tell:
-            compiler.compile(expected_scene(file), self._forces(), tell)
+            check_wind(self._environment.values)
+            # The description may tell of other colliders than the outfit asks for.
+            compiler.expect(expected_scene(file), self._forces(), tell)
             garment_publishers.warm_up()
         # Last: by now `collider_node` may have left it in the cache.
         with reporting(self.get_logger().info, f"load the body {p.body}"):

@@ -3,6 +3,7 @@
 import dataclasses
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,11 @@ class Compiler:
                 compile_ahead(scene, self._solver, parameters, tell)
                 warm_up(scene, self._solver, parameters)
                 self._compiled.add(key)
+
+    def expect(self, scene: Scene, parameters: Parameters, tell: Callable[[str], object]) -> None:
+        """`compile` for a scene that may come to be another one, and may not be possible."""
+        with suppress(GarmentSimError):
+            self.compile(scene, parameters, tell)
 
     def is_ready(self, parameters: Parameters) -> bool:
         """Whether nothing is left to compile for the current scene with other parameters."""

@@ -17,7 +17,7 @@ from garment_sim_ros.ros.lifecycle import ManagedNode, run
 
 class Stuck(ManagedNode):
     def __init__(self):
-        super().__init__("stuck", MocapPlayerParameters)
+        super().__init__("mocap_player", MocapPlayerParameters)
 
     def start(self):
         self.tick_at(100.0, self.tick)
