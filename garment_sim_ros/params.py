@@ -426,8 +426,8 @@ class ClothNodeParameters:
         "xpbd", "Name of the solver.", choices=("xpbd", "relaxation", "implicit")
     )
     solver_step: float = parameter(
-        1 / 60,
-        "Fixed step of the solver; relaxation needs about 1/180.",
+        1 / 180,
+        "Fixed step of the solver. Frames show whole steps: a longer one makes them uneven.",
         unit="s",
         minimum=1e-4,
         maximum=0.5,

@@ -238,7 +238,7 @@ def test_quality_of_service(running, probe):
 
 
 def test_stamps_are_whole_steps_and_never_beyond_the_input(running, probe):
-    step = round(SECOND / 60)
+    step = round(SECOND / 180)
     stamps = [stamp_of(m) for m in probe.next("garments/shirt/points", 60)]
     assert max(stamps) <= running.stamp
     steps = np.diff(stamps)
@@ -687,7 +687,7 @@ def test_the_same_messages_give_the_same_bytes(start_node, make_probe, outfit, a
         until(lambda p=probe, n=node: p.diagnostics(n), "the node runs")
         probe.publish(COLLIDER_DESCRIPTION, avatar.description)
         # Where a message leaves the simulated time, by the rule of whole steps.
-        step, time = round(SECOND / 60), None
+        step, time = round(SECOND / 180), None
         for i, stamp in enumerate(stamps):
             poses = avatar.at(1e-9 * stamp)
             poses.position[:, 0] += 3.0 * (i >= 20)
