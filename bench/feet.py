@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.feet_pass import FOOT
 from garment_sim_ros.body.kinematics import ForwardKinematics
 from garment_sim_ros.body.loaders.load import load_body
@@ -24,8 +25,6 @@ from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import sample
-
-FloatArray = NDArray[np.float64]
 
 BODIES = ("mannequin", "mh_female_young.glb", "CesiumMan.glb")
 LOW, SLOW = 0.03, 0.3  # [m], [m/s]

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
@@ -29,8 +29,6 @@ from garment_sim_ros.mocap.clip_poses import retargeter
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import ClipSampler
 from garment_sim_ros.params import ColliderOptions, Material, declarations, validated
-
-FloatArray = NDArray[np.float64]
 
 _MESHES = (".obj", ".ply", ".glb", ".gltf")
 _OF_NAMES = re.compile(r"[^a-z0-9_]+")

@@ -13,11 +13,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.rig import Rig
-
-FloatArray = NDArray[np.float64]
 
 UP = np.array([0.0, 0.0, 1.0])
 SIDES = ("left", "right")

@@ -15,13 +15,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.anatomy import SIDES, leg_length
 from garment_sim_ros.body.feet_pass import FOOT, SHANK, THIGH, ground, missed, watch
 from garment_sim_ros.body.skeleton import Skeleton
 from garment_sim_ros.body.skin import Body
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 PAST = 0.4
 """After this time what was before no longer counts [s]."""

@@ -3,11 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.rig import ROTATION, Dofs, Rig
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.jit import kernel
-
-FloatArray = NDArray[np.float64]
 
 
 class ForwardKinematics:

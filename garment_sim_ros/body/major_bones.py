@@ -9,13 +9,10 @@ the whole.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.skin import Body, Skin
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 HUMAN_MAJOR: tuple[str, ...] = (
     *("hips", "spine", "chest", "upperChest", "neck", "head"),

@@ -22,6 +22,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.anatomy import (
     SIDES,
     TRUNK,
@@ -45,8 +46,6 @@ from garment_sim_ros.body.rig import ROTATION, TRANSLATION, Rig
 from garment_sim_ros.body.skeleton import Skeleton
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.geometry.transforms import invert_transform, quaternion_from_matrix
-
-FloatArray = NDArray[np.float64]
 
 _BLENDED = {*TRUNK, "hips", "neck", "head"}
 _TWISTED = {"leftHand": "leftLowerArm", "rightHand": "rightLowerArm"}

@@ -5,10 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 ROTATION = 0
 TRANSLATION = 1

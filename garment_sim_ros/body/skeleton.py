@@ -3,9 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.anatomy import (
     Landmarks,
     SourceReference,
@@ -14,8 +12,6 @@ from garment_sim_ros.body.anatomy import (
 )
 from garment_sim_ros.body.rig import Rig
 from garment_sim_ros.errors import GeometryError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,11 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.rig import Rig
 from garment_sim_ros.errors import GeometryError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,16 +19,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.skin import Skin
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.geometry.transforms import invert_transform, rotate, unit_quaternion
 from garment_sim_ros.jit import kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 METHODS: tuple[str, ...] = ("linear", "dual_quaternion", "bone_blend")
 

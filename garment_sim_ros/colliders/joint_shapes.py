@@ -13,9 +13,9 @@ would stand off like a wing, so that what it closes is weighed against that.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.hulls.convex_parts import split
 from garment_sim_ros.colliders.hulls.hull import Hull, convex_hull
@@ -25,8 +25,6 @@ from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import invert_transform
 from garment_sim_ros.jit import exact_kernel
-
-FloatArray = NDArray[np.float64]
 
 SHARE = 0.5
 """Share of the joint's rotation that a joint's sphere takes part in."""

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
@@ -27,9 +28,6 @@ from garment_sim_ros.colliders.report.fatness import Union
 from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.params import EllipsoidSettings, HullSettings
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 QUERY_NS = {"sphere": 5.0, "capsule": 12.0, "hull": 27.0, "ellipsoid": 97.0}
 """What one query near a shape takes [ns], measured by ``bench/query_cost.py``; only their ratios

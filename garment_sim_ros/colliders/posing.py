@@ -7,8 +7,8 @@ share of 0.5 is what skin does that both bones move alike.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import (
@@ -20,8 +20,6 @@ from garment_sim_ros.geometry.transforms import (
     unit_quaternion,
 )
 from garment_sim_ros.jit import kernel
-
-FloatArray = NDArray[np.float64]
 
 
 class ColliderPoser:

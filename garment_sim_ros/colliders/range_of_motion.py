@@ -6,10 +6,9 @@ from the anatomical position; for an A-pose's upper arm they are taken from wher
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-FloatArray = NDArray[np.float64]
+from garment_sim_ros.arrays import FloatArray
 
 _RANGES: dict[str, tuple[float, float, float]] = {
     "spine": (40.0, 15.0, 18.0),

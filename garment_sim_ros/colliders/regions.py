@@ -8,13 +8,10 @@ all of the surface and not only its vertices.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.major_bones import MajorBones, major_bones
 from garment_sim_ros.body.skin import Body, Skin
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _ALSO = ("leftToes", "rightToes")
 _FLEXIBLE = 0.02

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.capsules.capsules import frame_colliders
@@ -34,9 +35,6 @@ from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.obb import Box, oriented_box
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
 from garment_sim_ros.params import SdfSettings, declarations, validated
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _MOST_NODES = 2**20
 """Samples of one grid; of a larger one the voxels grow."""

@@ -9,8 +9,8 @@ in contact are in one shape, far enough from the next one that nothing else can 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import IntArray, SingleArray
 from garment_sim_ros.contact.block import (
     DISTANCE,
     NEAREST,
@@ -41,9 +41,6 @@ from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER, Sides
 from garment_sim_ros.contact.way_out import give_way, leave_all, leave_union
 from garment_sim_ros.geometry.locality import BLOCK
 from garment_sim_ros.jit import lean_kernel
-
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
 
 _ROUNDING = 1e-6
 """Error of a distance that is computed in one way or another, as a share of the coordinates."""

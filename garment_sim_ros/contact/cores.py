@@ -12,12 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _MIDDLE = 0.7
 """Share of the long axis that counts as core."""

@@ -10,17 +10,14 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.packed import PackedShapes, PosedShapes
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.mvee import enclose, room_to_enclose
 from garment_sim_ros.geometry.transforms import rotate
 from garment_sim_ros.jit import lean_kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 REFIT_KEYS = ("frames", "points", "weights", "inflation")
 """Geometry entries of an ellipsoid that is fitted again: indices of the set's frames that carry

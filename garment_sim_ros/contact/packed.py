@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.kinds.buried_faces import buried_planes
 from garment_sim_ros.contact.kinds.capsule import capsule_size
 from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
@@ -17,11 +18,6 @@ from garment_sim_ros.contact.shapes import KINDS, Collider, ColliderPoses, Colli
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.transforms import transform_points
 from garment_sim_ros.jit import lean_kernel
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
-
 
 _BURIED = 0.05
 """Share of the longest shape that hulls go on for outside of a buried face: 2 cm on a human."""

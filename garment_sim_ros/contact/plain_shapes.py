@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.contact.shapes import WORLD, Collider
 from garment_sim_ros.errors import GeometryError
 
-FloatArray = NDArray[np.float64]
 Vector = Sequence[float] | FloatArray
 
 _ORIGIN = (0.0, 0.0, 0.0)

@@ -12,12 +12,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import GeometryError, MessageError
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_from
-
-FloatArray = NDArray[np.float64]
 
 WORLD = "world"
 """The bone that carries what no body carries; it stands still unless `ColliderSet.poses` is told

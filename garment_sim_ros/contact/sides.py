@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import IntArray
 from garment_sim_ros.geometry.locality import BLOCK
-
-IntArray = NDArray[np.int32]
 
 # Typed: for each plain number that it is handed a kernel would be compiled once more.
 UNDER, PASSING, OPPOSED, LET_GO = (np.int64(side) for side in range(4))

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import SingleArray
 from garment_sim_ros.contact.distance import shape_distance
 from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.contact.packed import PackedShapes
@@ -29,8 +30,6 @@ from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.contact.sides import UNDER
 from garment_sim_ros.geometry.locality import BLOCK
 from garment_sim_ros.jit import lean_kernel
-
-SingleArray = NDArray[np.float32]
 
 _SHORT = 0.5
 """Ways of less than this, in inner radii, end on the side where they began."""

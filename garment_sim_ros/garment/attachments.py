@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.special import gammaln
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.colliders.regions import bone_weights
 from garment_sim_ros.errors import GeometryError
@@ -15,9 +15,6 @@ from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import boundary_loops, vertex_normals
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 FRAMES_PER_VERTEX = 4
 

@@ -2,10 +2,9 @@
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-IntArray = NDArray[np.int32]
+from garment_sim_ros.arrays import IntArray
 
 
 def edge_table(triangles: IntArray) -> tuple[IntArray, IntArray, IntArray]:

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.errors import GeometryError
@@ -18,9 +18,6 @@ from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.placement import SoftAttachments
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 AUTOMATIC = "auto"
 NONE = "none"

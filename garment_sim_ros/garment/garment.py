@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.shapes import WORLD, ColliderSet
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.materials import material_from
@@ -16,9 +17,6 @@ from garment_sim_ros.geometry.sheet import pins_of, sheet
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.placement import SoftAttachments
 from garment_sim_ros.sim.self_collision.garment import own_distance
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,13 +6,10 @@ surface nets"). Vertices are spaced evenly, which suits remeshing.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.garment.connectivity import edge_table
 from garment_sim_ros.garment.mesh_repair import triangulate
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 
 def surface_net(

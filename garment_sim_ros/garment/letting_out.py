@@ -5,8 +5,8 @@ good, most of all next to pins. Like a tailor's letting out, this moves the cut 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.collide import Contacts, collide
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
@@ -15,8 +15,6 @@ from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.garment.connectivity import adjacency
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
-
-FloatArray = NDArray[np.float64]
 
 _ROUNDS = 12
 _SHORTEST = 0.4

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.body.skinning import skin_vertices
@@ -14,8 +15,6 @@ from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.connectivity import edge_table
 from garment_sim_ros.garment.slices import Profile, crossings, sections
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
-
-FloatArray = NDArray[np.float64]
 
 _SLICES = 128
 _ARM_SLICES = 24

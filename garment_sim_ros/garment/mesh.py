@@ -7,14 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError, InputFileError, ParameterError
 from garment_sim_ros.garment.mesh_repair import repaired, triangulate
 from garment_sim_ros.garment.polygon_files import read_polygons
 from garment_sim_ros.garment.subdivide import subdivided
 from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 """Metres in each unit that a garment file may be in."""

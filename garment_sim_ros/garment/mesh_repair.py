@@ -12,11 +12,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.connectivity import components, edge_table
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 
 def triangulate(

@@ -10,13 +10,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.connectivity import adjacency, edge_table
 from garment_sim_ros.garment.subdivide import split_edges
 from garment_sim_ros.geometry.topology import vertex_normals
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _ROUNDS = 6
 _ATTEMPTS = 12

@@ -5,12 +5,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
 from garment_sim_ros.garment.slices import outline
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _WAIST_EASE = 0.003
 _HIP_EASE = 0.012

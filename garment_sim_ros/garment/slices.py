@@ -10,12 +10,9 @@ length of an outline is the integral of its support over the angle (Cauchy's for
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.garment.connectivity import edge_table
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 DIRECTIONS = 72
 """Directions in which supports are sampled: every 5 degrees."""

@@ -3,11 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.connectivity import edge_table
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 MAX_TRIANGLES = 500_000
 """Largest mesh that refinement may make."""

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.connectivity import components
 from garment_sim_ros.garment.isosurface import clipped, surface_net
@@ -22,9 +22,6 @@ from garment_sim_ros.garment.remesh import remeshed
 from garment_sim_ros.garment.slices import NORMALS, Profile
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import boundary_loops, non_manifold_edges
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _MOST_NODES = 5_000_000
 

@@ -9,10 +9,9 @@ distance is exactly that to some triangle, near the mesh the closest one, far fr
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.geometry.mesh_distance import closest_point
 from garment_sim_ros.jit import exact_kernel
-
-FloatArray = NDArray[np.float64]
 
 
 def grid_distances(

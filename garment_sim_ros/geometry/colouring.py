@@ -4,11 +4,9 @@ Springs of one colour can be corrected in any order, or at once, with the same r
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import IntArray
 from garment_sim_ros.jit import exact_kernel
-
-IntArray = NDArray[np.int32]
 
 
 @exact_kernel()

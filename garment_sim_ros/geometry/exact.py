@@ -3,9 +3,8 @@
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from garment_sim_ros.arrays import FloatArray
 
 _ERROR = 1e-15
 """Bound of the rounding error of the determinant below as a share of its absolute terms; Shewchuk

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-IntArray = NDArray[np.int32]
+from garment_sim_ros.arrays import IntArray
 
 BLOCK = 32
 """Points per block: contact tests reject colliders for a block at a time."""

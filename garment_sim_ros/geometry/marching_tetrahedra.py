@@ -5,12 +5,9 @@ tetrahedral cells", 1991.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.jit import exact_kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 # The six tetrahedra of a cube around its main diagonal, as corner numbers 4 i + 2 j + k.
 _TETRAHEDRA = np.array(

@@ -9,12 +9,10 @@ the angle weighted pseudonormal"), which is exact at edges and vertices of a clo
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.winding_number import insides, refit_dipoles
 from garment_sim_ros.jit import exact_kernel, kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _LEAF_SIZE = 4
 

@@ -10,14 +10,12 @@ directions in which they have an extent, the others get a small radius.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.khachiyan import WEIGHT, find_weights, room_for_points
 from garment_sim_ros.geometry.principal_axes import principal_axes
 from garment_sim_ros.jit import kernel
-
-FloatArray = NDArray[np.float64]
 
 _FLAT = 1e-5
 """A direction in which points extend by less than this share of their largest extent is flat."""

@@ -7,10 +7,8 @@ The axes are the eigenvectors of the covariance of the surface, each triangle we
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
+from garment_sim_ros.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

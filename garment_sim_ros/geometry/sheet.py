@@ -3,12 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import ParameterError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 PINS = ("corners", "top", "top corners")
 """Names of vertices that a sheet may be pinned at."""

@@ -7,12 +7,9 @@ that can be laid flat these are the shortest ways, except around holes; those ar
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.jit import exact_kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _ROUNDING = 1e-9
 """How far beside a window, over the length of its edge, a vertex may seem to be by rounding."""

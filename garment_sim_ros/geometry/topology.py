@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.jit import kernel
-
-IntArray = NDArray[np.int32]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,11 +5,9 @@ compiled functions take and return tuples or small arrays; the batched ones belo
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.jit import kernel
-
-FloatArray = NDArray[np.float64]
 
 AXES_FROM_Y_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Rotation from y up, facing +z (glTF) to z up, facing +x (REP-103), shape [3, 3]."""

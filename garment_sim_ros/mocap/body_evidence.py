@@ -3,13 +3,11 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.anatomy import SIDES, Landmarks, leg_length, unit
 from garment_sim_ros.body.rig import Rig
 from garment_sim_ros.mocap.clip import NamedVector
-
-FloatArray = NDArray[np.float64]
 
 _LIFTED = 10.0
 """Score that a reference pose loses for each leg length that a foot is off the ground."""

@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.humanoid import humanoid_map
 from garment_sim_ros.body.rig import ROTATION, TRANSLATION, Dofs, Rig
 from garment_sim_ros.errors import GeometryError, InputFileError, ParameterError
@@ -15,8 +15,6 @@ from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.file_frame import describe_unit, file_frame
 from garment_sim_ros.mocap.inserted_pose import inserted_frames
 from garment_sim_ros.mocap.sampling import closes
-
-FloatArray = NDArray[np.float64]
 
 _FALLBACK_FRAME_TIME = 1.0 / 30.0
 _SKIP = ("auto", "on", "off")

@@ -10,12 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.input_file import read_bytes
-
-FloatArray = NDArray[np.float64]
 
 MAX_BYTES = 256 * 2**20
 _MAX_HIERARCHY_BYTES = 4 * 2**20

@@ -3,13 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.rig import ROTATION, Rig
 from garment_sim_ros.mocap.euler import quaternions_from_euler
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _COINCIDENT = 1e-9
 

@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.anatomy import SourceReference
 from garment_sim_ros.body.rig import Rig
 from garment_sim_ros.errors import GeometryError
 
-FloatArray = NDArray[np.float64]
 NamedVector = tuple[str, tuple[float, float, float]]
 
 

@@ -1,14 +1,13 @@
 """A clip as poses of a body: what measures a body over a motion starts here."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.sampling import ClipSampler
-
-FloatArray = NDArray[np.float64]
 
 
 def retargeter(clip: Clip, body: Body) -> Retargeter:

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.anatomy import (
     Landmarks,
     SourceReference,
@@ -27,8 +27,6 @@ from garment_sim_ros.mocap.body_evidence import (
     upward,
 )
 from garment_sim_ros.mocap.clip import NamedVector
-
-FloatArray = NDArray[np.float64]
 
 _UNITS = {
     "metre": 1.0,

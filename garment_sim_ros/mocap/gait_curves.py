@@ -10,9 +10,8 @@ N. Sekiya et al. (1996), by whom step length over cadence is the same at every s
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from garment_sim_ros.arrays import FloatArray
 
 _HARMONICS = 6
 

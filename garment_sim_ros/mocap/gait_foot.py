@@ -5,12 +5,10 @@ about its ball, by the pitch of the published curves. In the air it follows the 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.mocap import gait_curves as gait
 from garment_sim_ros.mocap.walker import ANKLE, BALL, HEEL, SHANK, THIGH
-
-FloatArray = NDArray[np.float64]
 
 _CLEARANCE = 0.01
 """Height of toes and heel above the ground in mid swing, as a fraction of the height."""

@@ -3,14 +3,12 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.anatomy import SIDES, Landmarks, SourceReference, find_landmarks
 from garment_sim_ros.body.kinematics import ForwardKinematics
 from garment_sim_ros.body.rig import ROTATION, Rig
 from garment_sim_ros.mocap.channels import local_rotations
-
-FloatArray = NDArray[np.float64]
 
 _MAX_INSERTED = 5
 _JUMP = np.radians(20.0)

@@ -1,8 +1,8 @@
 """The way that a clip's root covers per cycle, to walk on where the clip ends."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.kinematics import ForwardKinematics
 from garment_sim_ros.body.rig import TRANSLATION
 from garment_sim_ros.geometry.transforms import (
@@ -20,8 +20,6 @@ from garment_sim_ros.mocap.euler import (
     quaternion_from_euler,
     quaternions_from_euler,
 )
-
-FloatArray = NDArray[np.float64]
 
 
 class RootMotion:

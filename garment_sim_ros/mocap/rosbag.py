@@ -12,6 +12,7 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.mocap.bag_file import opened_bag
@@ -19,8 +20,6 @@ from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.sampling import closes
 from garment_sim_ros.mocap.source_urdf import reference_from_urdf
 from garment_sim_ros.stamps import nanoseconds
-
-FloatArray = NDArray[np.float64]
 
 _MAX_MESSAGES = 2_000_000
 _MAX_VALUES = 200_000_000

@@ -7,8 +7,8 @@ is interpolated linearly, single rotations the short way round.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.rig import ROTATION
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.transforms import quaternion_multiply, slerp
@@ -17,8 +17,6 @@ from garment_sim_ros.mocap.channels import ball_joints, local_rotations
 from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.euler import euler_near
 from garment_sim_ros.mocap.root_motion import RootMotion
-
-FloatArray = NDArray[np.float64]
 
 REPEATS = ("once", "loop", "carry")
 _TURN = 2.0 * np.pi

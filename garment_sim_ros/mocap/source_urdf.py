@@ -10,16 +10,14 @@ from collections.abc import Iterable, Mapping
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.anatomy import SourceReference
 from garment_sim_ros.body.loaders.urdf_xml import numbers, root_element
 from garment_sim_ros.body.rig import ROTATION
 from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.mocap.clip import Clip
-
-FloatArray = NDArray[np.float64]
 
 REFERENCE_TAG = "garment_sim_reference"
 _FAR = 1e6

@@ -8,9 +8,9 @@ rolls over its ball.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.mocap import gait_curves as gait
 from garment_sim_ros.mocap.clip import Clip
@@ -29,8 +29,6 @@ from garment_sim_ros.mocap.walker import (
     walker_rig,
 )
 from garment_sim_ros.params import parameter, validated
-
-FloatArray = NDArray[np.float64]
 
 _GRAVITY = 9.81
 _SPEEDS = (0.6, 1.8)

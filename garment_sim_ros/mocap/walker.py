@@ -4,12 +4,10 @@ Proportions: R. Drillis, R. Contini, Body Segment Parameters (1966), as fraction
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.rig import ROTATION, TRANSLATION, Dofs, Rig
-
-FloatArray = NDArray[np.float64]
 
 SIDES = (("left", 1.0), ("right", -1.0))
 

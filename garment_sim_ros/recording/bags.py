@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.colliders.description import from_json
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import InputFileError, MessageError
 from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.mocap.bag_file import opened_bag
 from garment_sim_ros.stamps import nanoseconds
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _UNIT = 1e-2
 """How far the length of a quaternion may be from 1."""

@@ -13,11 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import mesh_topology
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 DEEP = 0.002
 """Depth in the skin from which on cloth counts as inside [m]."""

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from garment_sim_ros.arrays import AnyArray
 from garment_sim_ros.garment.colours import Colour
 from garment_sim_ros.recording.render import (
     SKIN_COLOR,
@@ -20,8 +21,6 @@ from garment_sim_ros.recording.render import (
     linear,
     render,
 )
-
-FloatArray = NDArray[Any]
 
 _AZIMUTH = math.radians(38.0)  # of the eye from where the body faces
 _ELEVATION = 0.14  # of the eye above the target, over the distance
@@ -41,9 +40,9 @@ class Figure:
         heading: Direction in which the body faces, about z [rad].
     """
 
-    skin: FloatArray
-    garments: tuple[FloatArray, ...]
-    root: FloatArray
+    skin: AnyArray
+    garments: tuple[AnyArray, ...]
+    root: AnyArray
     heading: float = 0.0
 
 
@@ -161,7 +160,7 @@ def _in_parallel(draw: Callable[[int], Picture], count: int) -> Iterator[Picture
 
 def film_indices(
     figures: Sequence[Figure],
-    times: FloatArray,
+    times: AnyArray,
     *,
     rate: float,
     shortest: float,
@@ -180,7 +179,7 @@ def film_indices(
     indices = np.searchsorted(0.5 * (times[1:] + times[:-1]), wanted)  # the nearest ones
     ends = np.arange(min(len(indices) - 1, round(shortest * rate)), len(indices))
 
-    def shape(figure: Figure) -> FloatArray:
+    def shape(figure: Figure) -> AnyArray:
         return figure.skin[::8] - np.append(figure.root[:2], 0.0)
 
     start = shape(figures[indices[0]])
@@ -188,7 +187,7 @@ def film_indices(
     return indices[: ends[int(np.argmin(jumps))]]
 
 
-def _smooth(values: FloatArray, half_width: int) -> FloatArray:
+def _smooth(values: AnyArray, half_width: int) -> AnyArray:
     """Means over a window of neighbours with soft ends, shape [n, k]."""
     padded = np.pad(values, ((half_width, half_width), (0, 0)), mode="edge")
     window = np.hanning(2 * half_width + 3)[1:-1]
@@ -197,7 +196,7 @@ def _smooth(values: FloatArray, half_width: int) -> FloatArray:
 
 
 def _cameras(
-    figures: Sequence[Figure], centres: FloatArray, headings: FloatArray, aspect: float
+    figures: Sequence[Figure], centres: AnyArray, headings: AnyArray, aspect: float
 ) -> list[Camera]:
     """Cameras at one distance, from which every figure is seen whole.
 

@@ -8,15 +8,14 @@ Sample patterns depend on the pixel only, so that the same scene gives the same 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import AnyArray
 from garment_sim_ros.errors import GarmentSimError
 from garment_sim_ros.geometry.topology import vertex_normals
 
-FloatArray = NDArray[Any]
 Color = tuple[float, float, float]
 
 
@@ -69,7 +68,7 @@ class Surface:
         gloss: Strength of the highlight.
     """
 
-    vertices: FloatArray
+    vertices: AnyArray
     triangles: NDArray[np.int32]
     color: Color
     inside: float = 0.5
@@ -86,11 +85,11 @@ class Camera:
         field_of_view: Vertical opening angle [rad].
     """
 
-    position: FloatArray
-    target: FloatArray
+    position: AnyArray
+    target: AnyArray
     field_of_view: float = math.radians(24.0)
 
-    def axes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def axes(self) -> tuple[AnyArray, AnyArray, AnyArray]:
         """Unit vectors of the picture in the world: right, up, forward."""
         forward = np.asarray(self.target, float) - np.asarray(self.position, float)
         forward /= np.linalg.norm(forward)
@@ -174,19 +173,19 @@ class _Scene:
         self._scene = EmbreeScene(robust=True)
         TriangleMesh(self._scene, self.vertices, self.triangles)
 
-    def cast(self, origin: FloatArray, direction: FloatArray) -> dict[str, FloatArray]:
+    def cast(self, origin: AnyArray, direction: AnyArray) -> dict[str, AnyArray]:
         """Nearest hits: primID (-1 for none), u, v, tfar, Ng."""
         origins = np.broadcast_to(origin, direction.shape).copy()
         return self._scene.run(origins, direction, output=1)
 
     def visible(
-        self, origin: FloatArray, direction: FloatArray, reach: float = 1e9
+        self, origin: AnyArray, direction: AnyArray, reach: float = 1e9
     ) -> NDArray[np.bool_]:
         """Whether rays meet nothing within `reach` [m]."""
         reaches = np.full(len(origin), reach, np.float32)
         return self._scene.run(origin, direction, dists=reaches, query="OCCLUDED") == -1
 
-    def over(self, point: FloatArray, way: FloatArray, reach: float) -> NDArray[np.intp]:
+    def over(self, point: AnyArray, way: AnyArray, reach: float) -> NDArray[np.intp]:
         """Indices of floor points within `reach` of the meshes, or of their shift by `way` [m]."""
         low, high = self.vertices[:, :2].min(axis=0), self.vertices[:, :2].max(axis=0)
         offset = point[:, :2] - 0.5 * (low + high)
@@ -208,15 +207,15 @@ class _Samples:
         quality: See `render`.
     """
 
-    index: FloatArray
-    turn: FloatArray
+    index: AnyArray
+    turn: AnyArray
     quality: int
 
     def at(self, rays: NDArray[np.intp]) -> "_Samples":
         """Those of some primary rays."""
         return _Samples(self.index[rays], self.turn[rays], self.quality)
 
-    def disc(self, rays: int) -> Iterator[tuple[FloatArray, FloatArray]]:
+    def disc(self, rays: int) -> Iterator[tuple[AnyArray, AnyArray]]:
         """Points of the unit disc for each primary ray, as x and y of shape [n].
 
         Args:
@@ -233,7 +232,7 @@ class _Samples:
 
 def _primary_rays(
     camera: Camera, width: int, height: int, quality: int
-) -> tuple[FloatArray, _Samples]:
+) -> tuple[AnyArray, _Samples]:
     """Unit directions row by row, shape [height n * width n, 3]."""
     n = _SUPERSAMPLING
     right, up, forward = (axis.astype(np.float32) for axis in camera.axes())
@@ -254,7 +253,7 @@ def _primary_rays(
     return direction.reshape(-1, 3), samples
 
 
-def _light_direction(camera: Camera) -> FloatArray:
+def _light_direction(camera: Camera) -> AnyArray:
     """Unit vector towards the key light: over the camera's left shoulder."""
     right, _, forward = camera.axes()
     back = -np.array([forward[0], forward[1], 0.0])
@@ -265,12 +264,12 @@ def _light_direction(camera: Camera) -> FloatArray:
 
 def _shade_surfaces(
     scene: _Scene,
-    hit: dict[str, FloatArray],
-    origin: FloatArray,
-    direction: FloatArray,
-    light: FloatArray,
+    hit: dict[str, AnyArray],
+    origin: AnyArray,
+    direction: AnyArray,
+    light: AnyArray,
     samples: _Samples,
-) -> FloatArray:
+) -> AnyArray:
     """Linear colours at hits on the meshes, shape [n, 3]."""
     corners = scene.triangles[hit["primID"]]
     u, v = hit["u"][:, None], hit["v"][:, None]
@@ -303,7 +302,7 @@ def _shade_surfaces(
     return shaded + ((highlight * key * gloss) + 0.07 * rim)[:, None]
 
 
-def _facing(normal: FloatArray, direction: FloatArray) -> FloatArray:
+def _facing(normal: AnyArray, direction: AnyArray) -> AnyArray:
     """Unit smooth normals, bent so that none points away from the eye."""
     away = np.maximum((normal * direction).sum(axis=1, keepdims=True) + 0.02, 0.0)
     normal = normal - away * direction
@@ -311,8 +310,8 @@ def _facing(normal: FloatArray, direction: FloatArray) -> FloatArray:
 
 
 def _shade_floor(
-    scene: _Scene, point: FloatArray, camera: Camera, light: FloatArray, samples: _Samples
-) -> FloatArray:
+    scene: _Scene, point: AnyArray, camera: Camera, light: AnyArray, samples: _Samples
+) -> AnyArray:
     """Linear colours of the floor, fading into the backdrop with distance, shape [n, 3]."""
     point = point + np.array([0.0, 0.0, _LIFT], np.float32)
     height = float(scene.vertices[:, 2].max() - point[0, 2]) if len(point) else 0.0
@@ -333,9 +332,7 @@ def _shade_floor(
     return _FLOOR * lit[:, None] * (1.0 - fade) + _BACKDROP * fade
 
 
-def _light_seen(
-    scene: _Scene, point: FloatArray, light: FloatArray, samples: _Samples
-) -> FloatArray:
+def _light_seen(scene: _Scene, point: AnyArray, light: AnyArray, samples: _Samples) -> AnyArray:
     """Share of the key light's disc that each point sees, shape [n]."""
     first, second = (np.float32(_LIGHT_RADIUS) * axis for axis in _tangents(light[None, :]))
     seen = np.zeros(len(point), np.float32)
@@ -344,9 +341,7 @@ def _light_seen(
     return seen / np.float32(_SHADOW_RAYS * samples.quality)
 
 
-def _sky_seen(
-    scene: _Scene, point: FloatArray, normal: FloatArray, samples: _Samples
-) -> FloatArray:
+def _sky_seen(scene: _Scene, point: AnyArray, normal: AnyArray, samples: _Samples) -> AnyArray:
     """Share of the hemisphere (weighted by the cosine) that nothing near hides, shape [n]."""
     first, second = _tangents(normal)
     seen = np.zeros(len(point), np.float32)
@@ -357,7 +352,7 @@ def _sky_seen(
     return seen / np.float32(_SKY_RAYS * samples.quality)
 
 
-def _tangents(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _tangents(normal: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Two unit vectors across each unit normal, shape [n, 3] each.
 
     Duff et al., "Building an orthonormal basis, revisited", JCGT 6(1), 2017, listing 3.
@@ -370,7 +365,7 @@ def _tangents(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     return first, np.stack([b, sign + y * y * a, -y], axis=1)
 
 
-def _to_srgb(linear: FloatArray) -> NDArray[np.uint8]:
+def _to_srgb(linear: AnyArray) -> NDArray[np.uint8]:
     """Linear light to 8-bit sRGB, with a soft shoulder instead of a hard clip."""
     shoulder = 0.8
     over = np.maximum(linear - shoulder, 0.0)

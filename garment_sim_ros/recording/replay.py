@@ -1,8 +1,8 @@
 """The posed skin of a recorded avatar, worked out again from what its topics said."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.feet import PAST
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.urdf import parse_urdf
@@ -17,8 +17,6 @@ from garment_sim_ros.geometry.transforms import (
 from garment_sim_ros.mocap.source_urdf import reference_from_urdf
 from garment_sim_ros.recording.bags import Recording
 from garment_sim_ros.recording.previews import Figure
-
-FloatArray = NDArray[np.float64]
 
 
 class Replay:

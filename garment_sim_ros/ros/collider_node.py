@@ -6,9 +6,9 @@ from collections.abc import Callable
 from threading import Thread
 
 import numpy as np
-from numpy.typing import NDArray
 from std_msgs.msg import String
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.humanoid import load_humanoid_overrides
 from garment_sim_ros.body.kinematics import ForwardKinematics
 from garment_sim_ros.body.loaders.load import load_body
@@ -48,8 +48,6 @@ from garment_sim_ros.ros.serialize import Poses, StampedPose
 from garment_sim_ros.ros.sources import Source
 from garment_sim_ros.ros.stamp_order import StampOrder
 from garment_sim_ros.stamps import SECOND
-
-FloatArray = NDArray[np.float64]
 
 _DESCRIPTION = "robot_description"
 _SHOWN = 5

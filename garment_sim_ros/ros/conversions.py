@@ -9,13 +9,11 @@ import struct
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.errors import MessageError
 from garment_sim_ros.stamps import SECOND
-
-FloatArray = NDArray[np.float64]
 
 MALFORMED = "malformed"
 STAMP_INVALID = "stamp_invalid"

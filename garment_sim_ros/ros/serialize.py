@@ -18,14 +18,11 @@ from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.ros.cdr import encode
 from garment_sim_ros.stamps import SECOND
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
 
 _MARK = b"\xa5"
 _STAMP_SIZE = 8

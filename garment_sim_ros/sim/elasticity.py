@@ -4,14 +4,10 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray, LongArray
 from garment_sim_ros.geometry.topology import hinge_vertices
 from garment_sim_ros.params import Material
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
-LongArray = NDArray[np.int64]
 
 GRAVITY = 9.81
 """What weight is measured with where only its size matters [m/s^2]."""

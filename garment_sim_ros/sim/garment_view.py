@@ -1,8 +1,8 @@
 """One garment of a simulation, as its user sees it."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.model import ClothModel
@@ -10,10 +10,6 @@ from garment_sim_ros.sim.motion import to_file_order
 from garment_sim_ros.sim.placement import GarmentLike
 from garment_sim_ros.sim.state import State
 from garment_sim_ros.sim.worn import Worn
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
 
 
 class GarmentView:

@@ -6,16 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IndexArray, IntArray, SingleArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.colouring import order_by_colour
 from garment_sim_ros.geometry.locality import spatial_order
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import Environment, Material
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
-IndexArray = NDArray[np.uint32]
 
 _LIGHTEST = 0.01
 """Lowest mass of a particle as a share of the mean: slivers would leave some without any."""

@@ -3,15 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import IntArray
 from garment_sim_ros.contact.packed import PackedShapes
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.geometry.transforms import transform_points
 from garment_sim_ros.sim.placement import GarmentLike, rest_transforms
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _CLEARLY = 0.6
 _RIDES = 0.3

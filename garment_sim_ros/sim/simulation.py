@@ -5,9 +5,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from garment_sim_ros.arrays import FloatArray, SingleArray
 from garment_sim_ros.contact.papers.earliest.contact import check_earliest
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.contact.sides import Sides
@@ -36,10 +34,6 @@ from garment_sim_ros.sim.world.collider_motion import ColliderMotion
 from garment_sim_ros.sim.world.root_motion import TakenOut, take_along
 from garment_sim_ros.sim.world.wind_field import Wind, WindOnCloth, check_wind
 from garment_sim_ros.sim.worn import Worn
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
 
 
 class Simulation:

@@ -11,8 +11,8 @@ In exact arithmetic both forms are the same.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, SingleArray
 from garment_sim_ros.contact.collide import Contacts
 from garment_sim_ros.contact.ellipsoid_refit import EllipsoidRefit
 from garment_sim_ros.contact.mesh.skin import SkinContact
@@ -23,9 +23,6 @@ from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.contact.sweep import Sweep
 from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.model import ClothModel
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
 
 
 @dataclass(kw_only=True)

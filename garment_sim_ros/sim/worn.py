@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, SingleArray
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.sim.health import Health
@@ -30,9 +30,6 @@ from garment_sim_ros.sim.self_collision.garment import SelfCollision
 from garment_sim_ros.sim.sides import shape_sides
 from garment_sim_ros.sim.solvers import Solver
 from garment_sim_ros.sim.state import ColliderState, State, Workspace
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
 
 
 @dataclass(kw_only=True)

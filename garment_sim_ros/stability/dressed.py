@@ -5,8 +5,8 @@ from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
@@ -17,8 +17,6 @@ from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, read_outfit
 from garment_sim_ros.stability.extremes import Motion, Scene, spinning
-
-FloatArray = NDArray[np.float64]
 
 _RATE = 3000.0 * np.pi / 180
 _RAISED = np.radians(60.0)

@@ -9,15 +9,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion, quaternion_multiply
 from garment_sim_ros.params import Environment, Material
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 Motion = Callable[[float], ColliderPoses]
 
 SIDE = 0.6

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import GarmentSimError, MessageError
 from garment_sim_ros.params import Environment
 from garment_sim_ros.sim.elasticity import edge_stiffness
@@ -19,8 +20,6 @@ from garment_sim_ros.sim.model import ClothModel, Parameters
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.stability.extremes import Scene
-
-FloatArray = NDArray[np.float64]
 
 BOX = 12.0
 """Farthest that a particle may ever be from the first collider, in sizes of the garment."""

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.contact.shapes import Collider
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 
-FloatArray = NDArray[np.float64]
 Shape = tuple[Collider, FloatArray, FloatArray]
 """A collider with the world position [3] and rotation matrix [3, 3] of its frame."""
 

@@ -1,10 +1,8 @@
 """What holds garments beside pins and contact, again in float64; nothing but tests runs this."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
+from garment_sim_ros.arrays import FloatArray, IntArray
 
 
 def pull_tethers(

@@ -9,10 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from naive.naive import Shape, signed_distance
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 
 def ridden(carry: FloatArray, place: FloatArray) -> FloatArray:

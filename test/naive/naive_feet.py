@@ -3,10 +3,9 @@
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-FloatArray = NDArray[np.float64]
+from garment_sim_ros.arrays import FloatArray
 
 
 def unit(v: FloatArray) -> FloatArray:

@@ -1,12 +1,9 @@
 """A sub-step of `implicit` again, in float64 with a dense matrix, for tests to compare."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from naive.naive_xpbd import excess
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 
 def edge_forces(

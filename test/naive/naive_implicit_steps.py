@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from naive.naive_contact import leave_sphere
 from naive.naive_implicit import (
     contact_force,
@@ -14,9 +14,6 @@ from naive.naive_implicit import (
     quasi_newton_direction,
 )
 from naive.naive_steps import Elastic, Piece
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 
 @dataclass

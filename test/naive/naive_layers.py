@@ -1,10 +1,8 @@
 """`layers.kernels` again, in float64 and with a look at every triangle; only tests run this."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
+from garment_sim_ros.arrays import FloatArray, IntArray
 
 
 def closest_weights(corners: FloatArray, point: FloatArray) -> FloatArray:

@@ -9,11 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.sides import LET_GO, PASSING
 from naive.naive import Shape, signed_distance
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 
 def leash(

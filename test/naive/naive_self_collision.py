@@ -1,14 +1,11 @@
 """Self-collision again, in float64 and with a look at everything; only tests and bench run it."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.geometry.topology import mesh_topology
 from naive.naive_layers import closest_weights
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 Contact = tuple[float, FloatArray, FloatArray, bool] | None
 """Depth, unit normal, coefficients of the four particles, and whether it went through."""

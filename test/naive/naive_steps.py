@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.shapes import Collider
 from naive import naive, naive_xpbd
 from naive.naive_attached import pull_tethers
@@ -18,9 +18,6 @@ from naive.naive_contact import (
     stop_at_contact,
     touch_plane,
 )
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 
 @dataclass

@@ -1,10 +1,8 @@
 """The kernels of `xpbd` again, in float64 and one constraint at a time, for tests to compare."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
+from garment_sim_ros.arrays import FloatArray, IntArray
 
 BENT = 0.002
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.humanoid import humanoid_map
 from garment_sim_ros.body.loaders.weights import influences, normalised
 from garment_sim_ros.body.loaders.welding import weld
@@ -13,9 +13,6 @@ from garment_sim_ros.body.rig import Dofs, Rig
 from garment_sim_ros.body.skin import Body, Skin
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.transforms import invert_transform
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _UNITS = (
     ("metre", 1.0, 0.3, 3.5),

@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.loaders.assembly import assemble
 from garment_sim_ros.body.loaders.gltf_bind import blend, rest_frames, rigid
 from garment_sim_ros.body.loaders.gltf_file import GltfFile
@@ -22,8 +23,6 @@ from garment_sim_ros.body.loaders.weights import weight_matrix
 from garment_sim_ros.body.skin import HUMANOID_BONES, Body
 from garment_sim_ros.errors import GeometryError, InputFileError
 from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP
-
-FloatArray = NDArray[np.float64]
 
 MAX_JOINTS = 4096
 MAX_WEIGHT_SETS = 8

@@ -2,11 +2,9 @@
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import GeometryError
-
-FloatArray = NDArray[np.float64]
 
 _BIND_TOLERANCE = 1e-3
 """Rest and bind pose are the same if no vertex differs by more, as a share of the body's size."""

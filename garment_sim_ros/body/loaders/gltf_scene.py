@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, LongArray
 from garment_sim_ros.body.loaders.gltf_file import GltfFile
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MAX_NODES = 65_536
 MAX_DEPTH = 1024
@@ -38,7 +36,7 @@ class Piece:
     node: int
     attributes: dict[str, Any]
     vertices: FloatArray
-    triangles: IntArray
+    triangles: LongArray
 
 
 class Scene:

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.loaders.assembly import assemble
 from garment_sim_ros.body.loaders.obj_file import read_obj
 from garment_sim_ros.body.loaders.ply_file import read_ply
@@ -22,8 +23,6 @@ from garment_sim_ros.body.skin import Body
 from garment_sim_ros.errors import GeometryError, InputFileError
 from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP
 from garment_sim_ros.plain_data import number_kinds, read_json
-
-FloatArray = NDArray[np.float64]
 
 MAX_JOINTS = 4096
 

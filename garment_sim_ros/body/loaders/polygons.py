@@ -8,12 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, LongArray
 from garment_sim_ros.errors import InputFileError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MAX_MESH_BYTES = 128 * 2**20
 """Largest text mesh file that is read."""
@@ -39,12 +36,12 @@ class Polygons:
     """
 
     vertices: FloatArray
-    corners: IntArray
-    sizes: IntArray
-    group: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    corners: LongArray
+    sizes: LongArray
+    group: LongArray = field(default_factory=lambda: np.zeros(0, np.int64))
     groups: tuple[str, ...] = ("",)
 
-    def fans(self) -> tuple[IntArray, IntArray]:
+    def fans(self) -> tuple[LongArray, LongArray]:
         """Triangles with each polygon as a fan about its first corner, and their polygons.
 
         Returns:

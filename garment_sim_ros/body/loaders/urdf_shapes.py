@@ -7,10 +7,8 @@ once and then scaled.
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from garment_sim_ros.arrays import FloatArray, LongArray
 
 MOST_DIVISIONS = 12
 """Edges along a shape's longest side."""
@@ -25,14 +23,14 @@ def divisions_for(count: int) -> int:
     return int(np.clip(share, 1, MOST_DIVISIONS))
 
 
-def box(extents: FloatArray, divisions: int) -> tuple[FloatArray, IntArray]:
+def box(extents: FloatArray, divisions: int) -> tuple[FloatArray, LongArray]:
     """Vertices [v, 3] and triangles [t, 3] of a box about the origin with these extents."""
     counts = np.clip(np.ceil(divisions * extents / extents.max()), 1, divisions).astype(int)
     lattice, triangles = _box(*map(int, counts))
     return (lattice / counts - 0.5) * extents, triangles
 
 
-def cylinder(radius: float, length: float, divisions: int) -> tuple[FloatArray, IntArray]:
+def cylinder(radius: float, length: float, divisions: int) -> tuple[FloatArray, LongArray]:
     """Vertices and triangles of a cylinder along z about the origin."""
     edge = max(2.0 * radius, length) / divisions
     rings = int(np.clip(np.ceil(radius / edge), 1, divisions))
@@ -44,7 +42,7 @@ def cylinder(radius: float, length: float, divisions: int) -> tuple[FloatArray, 
     return _turned(r, z)
 
 
-def capsule(radius: float, length: float, divisions: int) -> tuple[FloatArray, IntArray]:
+def capsule(radius: float, length: float, divisions: int) -> tuple[FloatArray, LongArray]:
     """Vertices and triangles of a capsule along z whose half spheres' centres are `length` apart.
 
     It lies about the origin.
@@ -59,14 +57,14 @@ def capsule(radius: float, length: float, divisions: int) -> tuple[FloatArray, I
     return _turned(r, np.concatenate([below, side, -below[::-1]]))
 
 
-def sphere(radius: float) -> tuple[FloatArray, IntArray]:
+def sphere(radius: float) -> tuple[FloatArray, LongArray]:
     """Vertices and triangles of a sphere about the origin."""
     vertices, triangles = _sphere()
     return radius * vertices, triangles
 
 
 @lru_cache(maxsize=1)
-def _sphere() -> tuple[FloatArray, IntArray]:
+def _sphere() -> tuple[FloatArray, LongArray]:
     import trimesh  # takes most of a second, which URDFs without spheres need not wait
 
     ball = trimesh.creation.icosphere(subdivisions=2)
@@ -74,7 +72,7 @@ def _sphere() -> tuple[FloatArray, IntArray]:
 
 
 @lru_cache(maxsize=MOST_DIVISIONS**3)
-def _box(nx: int, ny: int, nz: int) -> tuple[IntArray, IntArray]:
+def _box(nx: int, ny: int, nz: int) -> tuple[LongArray, LongArray]:
     """Lattice points on the surface of a box of nx by ny by nz cells, and outward triangles."""
     counts = np.array([nx, ny, nz])
     corners = []
@@ -95,7 +93,7 @@ def _box(nx: int, ny: int, nz: int) -> tuple[IntArray, IntArray]:
     return quads.reshape(-1, 3)[first], triangles
 
 
-def _turned(r: FloatArray, z: FloatArray) -> tuple[FloatArray, IntArray]:
+def _turned(r: FloatArray, z: FloatArray) -> tuple[FloatArray, LongArray]:
     """The surface that a line of points (r, z), upwards from the axis to the axis, sweeps."""
     inner = len(r) - 2
     angle = 2.0 * np.pi * np.arange(_SEGMENTS) / _SEGMENTS
@@ -108,7 +106,7 @@ def _turned(r: FloatArray, z: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 @lru_cache(maxsize=64)
-def _turned_triangles(inner: int) -> IntArray:
+def _turned_triangles(inner: int) -> LongArray:
     """Outward triangles between the rings of `_turned`."""
     here = np.arange(_SEGMENTS)
     after = (here + 1) % _SEGMENTS

@@ -10,8 +10,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, LongArray
 from garment_sim_ros.body.loaders.mesh_file import read_mesh
 from garment_sim_ros.body.loaders.urdf_shapes import box, capsule, cylinder, divisions_for, sphere
 from garment_sim_ros.body.loaders.urdf_xml import numbers, origin_transform
@@ -25,8 +25,6 @@ from garment_sim_ros.input_file import is_file
 if TYPE_CHECKING:
     import trimesh
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MIN_SIZE, MAX_SIZE = 1e-6, 100.0
 """Smallest and largest measure of a shape [m]."""
@@ -150,7 +148,7 @@ def rigid_skin(
     return skin, notes
 
 
-_Part = tuple[int, FloatArray, FloatArray, IntArray]
+_Part = tuple[int, FloatArray, FloatArray, LongArray]
 """Link, transform of the shape in the link, vertices and triangles of the shape."""
 
 
@@ -182,7 +180,7 @@ def _parts(robot: Element, rig: Rig, tag: str, finder: MeshFinder) -> list[_Part
 
 def _triangulated(
     shape: Element, finder: MeshFinder, divisions: int
-) -> tuple[FloatArray, IntArray]:
+) -> tuple[FloatArray, LongArray]:
     """Vertices and triangles of a shape."""
 
     def size(key: str, count: int = 1) -> FloatArray:

@@ -5,12 +5,10 @@ from xml.etree.ElementTree import Element, ParseError
 import numpy as np
 from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import fromstring
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import InputFileError
-
-FloatArray = NDArray[np.float64]
 
 MAX_TEXT = 16 * 2**20
 """Longest URDF that is parsed [characters]."""

@@ -5,10 +5,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 MAX_INFLUENCES = 64
 """Most joints that one vertex may follow: rows of all vertices are as long as the longest."""

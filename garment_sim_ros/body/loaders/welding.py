@@ -2,14 +2,11 @@
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _MAX_NEIGHBOURS = 64
 """Largest mean number of vertices at one place; more would take memory without bound."""

@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.mannequin import tables
 from garment_sim_ros.body.mannequin.surface import Loft
 
-FloatArray = NDArray[np.float64]
 Tape = tuple[FloatArray, FloatArray, FloatArray, float]
 """Plane of a girth: a point inside the body [m], two directions, a rough radius [m]."""
 

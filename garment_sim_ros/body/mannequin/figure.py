@@ -6,15 +6,13 @@ Parts are drawn from the tables and scaled until every girth is the published on
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.mannequin import tables
 from garment_sim_ros.body.mannequin.drawing import UPRIGHT, Drawing, Tape
 from garment_sim_ros.body.mannequin.girth import girth
 from garment_sim_ros.body.mannequin.proportions import girths
 from garment_sim_ros.body.mannequin.surface import Surface, surface
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

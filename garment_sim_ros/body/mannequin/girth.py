@@ -3,10 +3,9 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-FloatArray = NDArray[np.float64]
+from garment_sim_ros.arrays import FloatArray
 
 
 def girth(

@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.rig import Dofs, Rig
 from garment_sim_ros.body.skin import Body, Skin
 from garment_sim_ros.disk_cache import cached_arrays, code_digest
 from garment_sim_ros.params import parameter, validated
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

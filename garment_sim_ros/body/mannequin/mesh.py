@@ -12,14 +12,11 @@ After: Botsch and Kobbelt, "A remeshing approach to multiresolution modeling",
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.marching_tetrahedra import marching_tetrahedra, normal_of
 from garment_sim_ros.jit import exact_kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 
 def symmetric_mesh(

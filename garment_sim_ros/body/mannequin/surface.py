@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter1d
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.jit import kernel
-
-FloatArray = NDArray[np.float64]
 
 _KNOTS = 64
 _SMOOTHING = 2.0  # knots; takes the corners off the outline

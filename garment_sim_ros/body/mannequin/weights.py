@@ -7,10 +7,8 @@ multiply along the chains, so that they always sum to 1.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
+from garment_sim_ros.arrays import FloatArray, IntArray
 
 INFLUENCES = 4
 

@@ -9,9 +9,8 @@ t: ``-(1 - t) n, -t n, -(1 - t), -t`` with n the unit vector from that centre to
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.jit import kernel
-
-FloatArray = NDArray[np.float64]
 
 _OUTSIDE = 4.0
 """Weight of skin outside the shape against skin inside it: clothes must not touch the body."""

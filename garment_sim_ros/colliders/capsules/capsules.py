@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, LongArray
 from garment_sim_ros.body.major_bones import MajorBones, major_bones
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.capsules.capsule_fit import refine, slabs, union_distance
@@ -17,9 +18,6 @@ from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 _CONTAINED = 0.97
 """Share of a patch's area that its capsules contain before `delta` is added."""
@@ -108,7 +106,7 @@ def _fit(body: Body, delta: float, thickness: float, *, spheres: bool) -> Collid
     return ColliderSet(colliders=(*colliders, *frame_colliders(bones)), thickness=thickness)
 
 
-def _even(index: IntArray, areas: FloatArray) -> tuple[IntArray, FloatArray]:
+def _even(index: LongArray, areas: FloatArray) -> tuple[LongArray, FloatArray]:
     """At most `_SAMPLES` of the vertices `index`, with the area that each stands for."""
     if len(index) <= _SAMPLES:
         return index, areas[index]

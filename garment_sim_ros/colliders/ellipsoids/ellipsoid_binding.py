@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.major_bones import MajorBones, major_bones
 from garment_sim_ros.body.skin import Body
@@ -24,9 +24,6 @@ from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.mvee import mvee
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
 from garment_sim_ros.params import EllipsoidSettings
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _ALSO = ("leftToes", "rightToes")
 """Bones that are not major but bend far from the one above."""

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.ellipsoids.pruned_kmeans import Clustering, refine
 from garment_sim_ros.colliders.ellipsoids.skin_points import SkinPoints, border_points
@@ -23,9 +24,6 @@ from garment_sim_ros.colliders.segmentation.segmentation import (
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.mvee import Ellipsoid, mvee
 from garment_sim_ros.params import EllipsoidSettings, declarations, validated
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 PARTS = ("torso", *REGIONS[:9])
 """Parts of a body that are refined one by one: the torso's six regions together."""

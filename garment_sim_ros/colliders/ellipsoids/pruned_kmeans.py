@@ -10,13 +10,10 @@ number of k-means passes within a round.
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.geometry.mvee import Ellipsoid, mvee
 from garment_sim_ros.jit import exact_kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 FEWEST = 4
 """Fewest points of a cluster."""

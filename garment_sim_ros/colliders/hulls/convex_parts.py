@@ -9,15 +9,12 @@ and limbs. Sections are closed by their convex hulls: parts are solids, not shel
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
+from garment_sim_ros.arrays import FloatArray, LongArray
 from garment_sim_ros.jit import exact_kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _OFFSETS = np.linspace(0.08, 0.92, 15)
 """Places where a part is tried to be cut, as shares of its extent."""
@@ -110,7 +107,7 @@ def split(corners: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArr
     return np.concatenate(sides[0]), np.concatenate(sides[1]), np.concatenate(segments)
 
 
-def weld(corners: FloatArray) -> tuple[FloatArray, IntArray]:
+def weld(corners: FloatArray) -> tuple[FloatArray, LongArray]:
     """Distinct points, and the point of each corner, of simplices [n, k, 3]."""
     flat = corners.reshape(-1, 3)
     if len(flat) == 0:
@@ -123,7 +120,7 @@ def weld(corners: FloatArray) -> tuple[FloatArray, IntArray]:
     return flat[first], number.reshape(corners.shape[:2])
 
 
-def _components(corner: IntArray, size: int) -> IntArray:
+def _components(corner: LongArray, size: int) -> LongArray:
     """Component of each simplex [n, k] over `size` points."""
     start, end = corner[:, :-1].ravel(), corner[:, 1:].ravel()
     graph = coo_matrix((np.ones(len(start)), (start, end)), shape=(size, size))
@@ -131,7 +128,7 @@ def _components(corner: IntArray, size: int) -> IntArray:
     return label[corner[:, 0]].astype(np.int64)
 
 
-def _rims(surface: FloatArray) -> tuple[FloatArray, IntArray]:
+def _rims(surface: FloatArray) -> tuple[FloatArray, LongArray]:
     """The edges of holes, turned for `_lids`: points [n, 3] and pairs of them [e, 2]."""
     points, corner = weld(surface)
     size = len(points)
@@ -140,7 +137,7 @@ def _rims(surface: FloatArray) -> tuple[FloatArray, IntArray]:
     return points, np.stack([end[alone], start[alone]], axis=1)
 
 
-def _lids(points: FloatArray, edges: IntArray) -> list[FloatArray]:
+def _lids(points: FloatArray, edges: LongArray) -> list[FloatArray]:
     """Fans of triangles over each loop of edges, about its middle."""
     if len(edges) == 0:
         return []
@@ -206,7 +203,7 @@ def _assess(surface: FloatArray, worth: float) -> _Part:
     return _Part(surface, volume - kept[best], likely[best])
 
 
-def _kept(points: FloatArray, corner: IntArray, plane: FloatArray) -> float:
+def _kept(points: FloatArray, corner: LongArray, plane: FloatArray) -> float:
     """The hull volume that a cut leaves [m^3]."""
     height = points @ plane[:3] - plane[3]
     _, _, section = split(points[corner], height[corner])
@@ -295,7 +292,7 @@ def _lattice(count: int) -> FloatArray:
     return np.stack([r * np.cos(turn), r * np.sin(turn), z])
 
 
-def _joined(around: FloatArray) -> IntArray:
+def _joined(around: FloatArray) -> LongArray:
     """Triangles between unit vectors [3, d], counter-clockwise seen from outside, shape [f, 3]."""
     triangles = ConvexHull(around.T).simplices.astype(np.int64)
     a, b, c = around.T[triangles].transpose(1, 0, 2)

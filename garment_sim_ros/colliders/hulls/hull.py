@@ -7,11 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.exact import orientation
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _FLAT = 1e-4
 """A set of points thinner than this share of its size has no usable hull."""

@@ -5,11 +5,9 @@ i + 1. Everything is compiled, on flat arrays; a dead face has ``faces[f, 0] == 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import IntArray
 from garment_sim_ros.jit import exact_kernel
-
-IntArray = NDArray[np.int32]
 
 MAX_PATCH = 512
 """Most faces that one patch may have."""

@@ -8,7 +8,6 @@ vertices move by it, which makes room for more deletions and polishes the result
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from garment_sim_ros.colliders.hulls.hull import Hull, convex_hull
 from garment_sim_ros.colliders.hulls.hull_patch import (
@@ -29,9 +28,6 @@ from garment_sim_ros.colliders.hulls.hull_placement import (
 )
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.jit import exact_kernel
-
-FloatArray = NDArray[np.float64]
-
 
 _TRIANGLES_ONLY = 2
 """Above this multiple of the wanted number, whole triangles go at once: faster, and as good."""

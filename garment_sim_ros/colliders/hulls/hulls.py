@@ -12,8 +12,8 @@ from itertools import chain
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.capsules.capsules import frame_colliders
@@ -48,7 +48,6 @@ from garment_sim_ros.geometry.obb import oriented_box
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
 from garment_sim_ros.params import HullSettings, declarations, validated
 
-FloatArray = NDArray[np.float64]
 _T = TypeVar("_T")
 _S = TypeVar("_S")
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, LongArray, SingleArray
 from garment_sim_ros.colliders.report.surfaces import surface
 from garment_sim_ros.contact.distance import shape_distance
 from garment_sim_ros.contact.ellipsoid_refit import EllipsoidRefit
@@ -16,10 +17,6 @@ from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import transform_from, transform_points
 from garment_sim_ros.jit import kernel
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int_]
 
 _SAMPLES = 20000
 """Points on all surfaces together."""
@@ -63,7 +60,7 @@ class Union:
         _union_distance(self._shapes, self._posed, single, but, np.float32(_REACH), result)
         return result
 
-    def samples(self) -> tuple[FloatArray, IntArray]:
+    def samples(self) -> tuple[FloatArray, LongArray]:
         """Points spread evenly over the union's surface.
 
         Returns:

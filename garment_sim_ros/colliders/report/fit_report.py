@@ -7,8 +7,8 @@ out of it. Shares and percentiles are by area.
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.posing import ColliderPoser
@@ -19,8 +19,6 @@ from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import invert_transform, transform_from, transform_points
-
-FloatArray = NDArray[np.float64]
 
 _DIRECTIONS = 2000  # on round shapes: flat parts are off by less than 0.1 mm
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.colliders.posing import ColliderPoser
@@ -14,8 +14,6 @@ from garment_sim_ros.colliders.regions import vertex_areas
 from garment_sim_ros.colliders.report.fatness import Union
 from garment_sim_ros.contact.ellipsoid_refit import REFIT_KEYS
 from garment_sim_ros.contact.shapes import Collider, ColliderSet
-
-FloatArray = NDArray[np.float64]
 
 _AT_ALL = 1e-5
 """Skin that leaves the shapes by no more than this is inside [m]: single precision."""

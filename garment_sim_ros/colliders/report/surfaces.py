@@ -1,16 +1,13 @@
 """Triangle meshes of collider shapes, for pictures."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.contact.shapes import Collider
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.marching_tetrahedra import marching_tetrahedra
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 
 def surface(

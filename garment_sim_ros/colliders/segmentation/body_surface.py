@@ -7,17 +7,14 @@ out, small holes are closed.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.geodesics import mesh_edges
 from garment_sim_ros.geometry.topology import boundary_loops
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _WELD = 1e-6
 """Vertices closer than this share of the body's size are one."""

@@ -11,14 +11,11 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.colliders.segmentation.body_surface import BodySurface
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.geodesics import MeshGraph, iso_line
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 ENDS = ("head", "left_hand", "right_hand", "left_foot", "right_foot")
 

@@ -18,8 +18,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.colliders.segmentation.body_surface import BodySurface
 from garment_sim_ros.colliders.segmentation.extremities import Extremities, extremities, lowest
 from garment_sim_ros.errors import ParameterError
@@ -31,9 +31,6 @@ from garment_sim_ros.geometry.geodesics import (
     path_to,
     value_range,
 )
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 SIDES = ("left", "right")
 CONSTANTS = ("anthropometry", "table1")

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.ellipsoids.thresholds import REGIONS, SIDES, TORSO
@@ -23,9 +23,6 @@ from garment_sim_ros.colliders.segmentation.body_surface import BodySurface, bod
 from garment_sim_ros.colliders.segmentation.feature_points import FeaturePoints, feature_points
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.geodesics import mesh_edges, mesh_graph
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _NEEDED = ("front", "crotch", "neck", "armpits")
 _DOUBT = 1.5

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from garment_sim_ros.arrays import FloatArray
 
 _INWARD = 1 / 3
 """What is looked at of a face: its corners, so far drawn to their middle, and that."""

@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from garment_sim_ros.arrays import FloatArray, ShortArray
 from garment_sim_ros.errors import GeometryError
-
-FloatArray = NDArray[np.float64]
-ShortArray = NDArray[np.int16]
 
 MOST_NODES = 2**22
 """Most samples of one grid: 8 MiB."""

@@ -11,12 +11,9 @@ faces there are. Cells that are far outside have an empty list.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.jit import exact_kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _ROUNDING = 1e-6
 """Share of the grid's size that counts as equal: queries are in single precision."""

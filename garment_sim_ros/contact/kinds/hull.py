@@ -14,13 +14,10 @@ from numba import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.kinds.face_grid import FaceGrid, face_grid
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.jit import lean_kernel
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
 
 _AROUND = 0.025
 """How far out the grids know distances, as a share of the largest hull: 1 cm on a human's trunk.

@@ -8,12 +8,10 @@ from numba import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import IntArray, SingleArray
 from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.jit import lean_kernel
-
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
 
 _ONE = np.uint64(1)
 

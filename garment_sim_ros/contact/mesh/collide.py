@@ -12,6 +12,7 @@ Right before fast: nothing here is for real time.
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.mesh_distance import (
     box_distance2,
@@ -33,9 +34,6 @@ from garment_sim_ros.geometry.winding_number import (
     winding,
 )
 from garment_sim_ros.jit import exact_kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _LEAF_SIZE = 4
 _ROUNDS = 8

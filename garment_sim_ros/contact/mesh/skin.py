@@ -5,16 +5,12 @@ where each particle met it. In double precision, allocating as it likes: a yards
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.collide import Contacts
 from garment_sim_ros.contact.mesh.collide import MeshCollider
 from garment_sim_ros.contact.mesh.skinned import SkinnedMesh
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
 
 
 class SkinContact:

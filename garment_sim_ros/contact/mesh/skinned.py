@@ -8,14 +8,11 @@ It has no pose of its own: vertices follow the frames by linear blending.
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.transforms import transform_from
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _UNIT = 1e-5
 """How far the sum of a vertex's weights may be from 1."""

@@ -12,14 +12,12 @@ for both questions; this is what it is checked against and measured by.
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.papers import kirkpatrick, planar_grid
 from garment_sim_ros.contact.papers.kirkpatrick import hierarchy
 from garment_sim_ros.contact.papers.outer_map import outer_map, ray_exit
 from garment_sim_ros.contact.papers.planar_grid import planar_grid as build_planar_grid
 from garment_sim_ros.jit import exact_kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _UPRIGHT = 1e-9
 """A face whose normal's z is smaller than this is in neither planar mesh."""

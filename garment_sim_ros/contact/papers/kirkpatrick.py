@@ -9,12 +9,9 @@ the ones it covers in the finer level; a query goes down through one triangle pe
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.jit import exact_kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _DEGREE = 8
 """Largest degree of a vertex that is taken out; a planar graph always has enough of them."""

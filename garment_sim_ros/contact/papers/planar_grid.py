@@ -3,12 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.jit import exact_kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 _ROUNDING = 1e-13
 """Rounding of an area, as a share of the squared size."""

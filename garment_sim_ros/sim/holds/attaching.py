@@ -1,16 +1,13 @@
 """What a garment's tethers and soft attachments are, from its mesh and its file."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.geodesics import mesh_edges, mesh_graph
 from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.placement import Frames, GarmentLike, places_in_frames
-
-IntArray = NDArray[np.int32]
-FloatArray = NDArray[np.float64]
 
 MOST_TETHERS = 4
 """Groups of pins that a particle is tethered to: the nearest ones."""

@@ -12,14 +12,10 @@ Both act after the edges and before contact, so that nothing is pulled into the 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.sim.holds.tether_kernels import pull_attached
-
-IntArray = NDArray[np.int32]
-SingleArray = NDArray[np.float32]
-FloatArray = NDArray[np.float64]
 
 
 class Attached(NamedTuple):

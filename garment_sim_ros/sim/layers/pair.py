@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from garment_sim_ros.arrays import IntArray, SingleArray
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology
 from garment_sim_ros.jit import compiled
@@ -29,9 +30,6 @@ from garment_sim_ros.sim.layers.kernels import (
 )
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.state import State
-
-IntArray = NDArray[np.int32]
-SingleArray = NDArray[np.float32]
 
 _REACH = 2.0
 """Particles look for triangles this far, in mean edge lengths of the coarser garment."""

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.collide import Contacts
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import Material
@@ -24,10 +25,6 @@ from garment_sim_ros.sim.self_collision.near_pairs import find_pairs
 from garment_sim_ros.sim.self_collision.self_contact import keep_apart
 from garment_sim_ros.sim.self_collision.untangling import mark_tangled, untangle
 from garment_sim_ros.sim.state import ColliderState, State
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
 
 _STEPS = 4
 """Steps that a search serves at most."""

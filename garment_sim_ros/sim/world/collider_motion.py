@@ -1,16 +1,12 @@
 """Where the colliders are in each step, about a local origin that follows them."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, SingleArray
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import MessageError
 from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.sim.state import ColliderState
-
-FloatArray = NDArray[np.float64]
-
-SingleArray = NDArray[np.float32]
 
 _FARTHEST_ORIGIN = 1.0
 """The local origin follows when the body is farther away than this [m]."""

@@ -13,13 +13,10 @@ faster, as in a jump that is simulated, cloth feels so much and is taken along o
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.geometry.transforms import quaternion_multiply, rotate, slerp
 from garment_sim_ros.jit import kernel
-
-FloatArray = NDArray[np.float64]
 
 _FASTEST = 100.0
 """Highest speed of the root that cloth feels [m/s]."""

@@ -10,17 +10,13 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.params import Environment
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.state import State
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
 
 AIR_DENSITY = 1.2
 """At 20 degrees Celsius and sea level [kg/m^3]."""

@@ -5,17 +5,14 @@ count for all particles: there are no sides, and nothing passes.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import IntArray, SingleArray
 from garment_sim_ros.contact.packed import PackedShapes, PosedShapes
 from garment_sim_ros.contact.papers.earliest.hit import meet, response_numbers, room_for
 from garment_sim_ros.contact.shapes import KINDS, ColliderSet
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.params import RelaxationSettings
-
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
 
 _ELLIPSOID = KINDS.index("ellipsoid")
 

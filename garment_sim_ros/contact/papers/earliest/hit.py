@@ -11,6 +11,7 @@ for all of it, the others meet all of it at once (`block_times`).
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.papers.earliest.block import (
     BLOCK,
     END,
@@ -32,9 +33,6 @@ from garment_sim_ros.contact.papers.earliest.poses import ON_SURFACE, PosedEllip
 from garment_sim_ros.contact.papers.earliest.way_out import leave
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.jit import kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 RESPONSES = ("surface", "inelastic", "reflection")
 

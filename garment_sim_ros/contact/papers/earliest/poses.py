@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.jit import kernel
-
-FloatArray = NDArray[np.float64]
 
 ON_SURFACE = 1e-5
 """A zeta that is less than 1 by this is on the surface, where hits put particles in single

@@ -9,11 +9,8 @@ Reid 1983, "The multifrontal solution of indefinite sparse symmetric linear equa
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
-LongArray = NDArray[np.int64]
+from garment_sim_ros.arrays import FloatArray, IntArray, LongArray
 
 _LEAF = 28
 """Sets of so many vertices are not halved."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 
+from garment_sim_ros.arrays import FloatArray, IndexArray, IntArray, LongArray, SingleArray
 from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.sim.elasticity import (
     GRAVITY,
@@ -20,12 +21,6 @@ from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.solvers.implicit.dissection import Fronts, dissect
 from garment_sim_ros.sim.state import Workspace
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
-IndexArray = NDArray[np.uint32]
-LongArray = NDArray[np.int64]
 
 _WEIGHTS = 20.0
 """A contact's stiffness: so many times its weight presses a particle in by `_SINK`."""

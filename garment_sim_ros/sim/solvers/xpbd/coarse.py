@@ -24,17 +24,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IndexArray, IntArray, SingleArray
 from garment_sim_ros.geometry.geodesics import mesh_graph
 from garment_sim_ros.geometry.straight_lines import StraightLines
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.sim.elasticity import warp_directions
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.solvers.xpbd.order import inward_levels
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
-IndexArray = NDArray[np.uint32]
 
 _SPACING = 3.0
 """Least distance of cells' seeds, in mean edge lengths."""

@@ -1,13 +1,11 @@
 """Order of Gauss-Seidel passes: from the far ends of the cloth towards what holds it."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from garment_sim_ros.arrays import IntArray
 from garment_sim_ros.geometry.colouring import colour_springs
-
-IntArray = NDArray[np.int32]
 
 
 def rings(edges: IntArray, seeds: IntArray, n: int) -> IntArray:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray, IndexArray, IntArray, SingleArray
 from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.solvers.xpbd.coarse import (
@@ -19,11 +19,6 @@ from garment_sim_ros.sim.solvers.xpbd.edges import prepare_edges
 from garment_sim_ros.sim.solvers.xpbd.hinges import prepare_hinges
 from garment_sim_ros.sim.solvers.xpbd.order import inward_order
 from garment_sim_ros.sim.state import Workspace
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int32]
-IndexArray = NDArray[np.uint32]
 
 _SWING = np.pi / 3
 """The farthest that hinges, by themselves, may swing from one pass to the next [rad]."""
