@@ -66,5 +66,12 @@ def test_every_package_is_in_the_contract_and_in_the_table():
     assert not [name for name in known if f"`{name}`" not in page]
 
 
+def test_types_of_arrays_are_in_one_place():
+    alias = re.compile(r"^\w+Array\b.*= NDArray\[", re.MULTILINE)
+    folders = (PACKAGE, "test", "bench")
+    files = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
+    assert [path.name for path in files if alias.search(path.read_text())] == ["arrays.py"]
+
+
 if __name__ == "__main__":
     print(drawing())
