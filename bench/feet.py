@@ -1,7 +1,8 @@
 """How feet stand: height of the soles over the ground, and how fast they slide.
 
 A foot stands, by the source alone: ankle or ball is as low as in a foot that stands, to 3 cm, and
-slower than 0.3 m/s, both against the samples before and after. The sole's height is that of the
+slower than 0.1 m/s, both against the samples before and after, and stays within 4 cm and slower
+than 0.15 m/s. The sole's height is that of the
 lowest vertex of the posed skin of a foot that stands, and it slides as fast along the ground as
 the slowest of its vertices within 2 cm of the lowest: a foot that rolls off does not slide.
 
@@ -27,7 +28,7 @@ from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import sample
 
 BODIES = ("mannequin", "mh_female_young.glb", "CesiumMan.glb")
-LOW, SLOW = 0.03, 0.3  # [m], [m/s]
+LOW, SLOW = (0.03, 0.04), (0.1, 0.15)  # to begin and to go on [m], [m/s]
 NEAR = 0.02
 
 
@@ -35,8 +36,12 @@ def stands(points: FloatArray, height: FloatArray, dt: float) -> NDArray[np.bool
     """Whether each foot stands in each sample, from ankle and ball [k, f, 2, 3]."""
     speed = np.full(points.shape[:3], np.inf)
     speed[1:-1] = np.linalg.norm(points[2:] - points[:-2], axis=-1) / (2.0 * dt)
-    low = np.abs(points[..., 2] - height) < LOW
-    return (low & (speed < SLOW)).any(axis=2)
+    away = np.abs(points[..., 2] - height)
+    standing = (away < LOW[0]) & (speed < SLOW[0])
+    staying = (away < LOW[1]) & (speed < SLOW[1])
+    for k in range(1, len(standing)):
+        standing[k] |= standing[k - 1] & staying[k]
+    return standing.any(axis=2)
 
 
 def measure(clip: Clip, body: Body, rate: float) -> dict[str, FloatArray]:

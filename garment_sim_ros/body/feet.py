@@ -4,10 +4,12 @@ Two bodies of other proportions cannot have the same angles and the same places 
 while a foot of the source stands (it is as low as feet stand and hardly moves) the target's foot
 goes where the source's is, to scale, with its sole on the ground: the root goes down or up, and
 the legs bend (two bones each, in the plane of the knee). What is not to be seen is when: weights
-fade in and out within a tenth of a second.
+fade in and out within a tenth of a second. Then the part of the sole that bears is held in its
+place, even where the source's slides; what the foot is off its way by that fades once it is
+lifted.
 
 It works sample by sample, from past and present only, at any rate, and the past fades: a motion
-looks the same wherever one begins to watch it, but for the first tenths of a second.
+looks the same wherever one begins to watch it, but for the first steps.
 """
 
 from collections.abc import Mapping
@@ -17,28 +19,36 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.anatomy import SIDES, leg_length
+from garment_sim_ros.body.feet_lock import hold, touch
 from garment_sim_ros.body.feet_pass import FOOT, SHANK, THIGH, ground, missed, watch
 from garment_sim_ros.body.skeleton import Skeleton
 from garment_sim_ros.body.skin import Body
 
 PAST = 0.4
-"""After this time what was before no longer counts [s]."""
+"""After a gap as long as this, what was before no longer counts [s]."""
 
 _FADING = 0.04
 """Time in which the past fades to a third [s]."""
 _LIMITS = (0.03, 0.09, 0.25, 0.9, 0.15)
 """Heights, speeds and depth of `feet_pass.watch`, in leg lengths (and per second)."""
+_TOUCHING = (0.045, 0.35, 0.08, 0.5, 0.15)
+"""Heights, speeds and depth of `feet_lock.touch`, likewise."""
 _LEG = ("UpperLeg", "LowerLeg", "Foot")
 _DOWNWARD = 0.2
 """Directions that reach no higher look for points of the sole."""
 _ROLLS = 0.3
 """How much a foot that stands on its ball alone leads the root."""
+_POINTING = 0.06
+"""Time in which a foot that is lifted points no longer, to a third [s]: toes do not snap up."""
 _BALL = 0.7
 """Where the ball of a foot is between ankle and toes, where no joint tells."""
 
 
 class Feet:
-    """Grounds the feet of a posed body; remembers a few tenths of a second.
+    """Grounds the feet of a posed body; remembers where they were put down.
+
+    Attributes:
+        slipped: How often a foot that touches the ground was let slip, by feet and poses.
 
     Args:
         source: Source skeleton in its reference pose.
@@ -78,9 +88,14 @@ class Feet:
         self._standing, self._faded, self._weight, self._depth, self._place = np.zeros((5, f, 2))
         self._stretch = np.zeros((f, 2))
         self._before = np.zeros((f, 2, 3))
-        self._stands = np.zeros((f, 3))
+        self._stands = np.zeros((f, 4))
         self._limits = np.array([*_LIMITS, 0.0]) * (leg_length(source.marks) or 1.0)
         self._limits[5] = _FADING
+        self._touch_limits = np.array(_TOUCHING) * (leg_length(source.marks) or 1.0)
+        self._touching, self._off = np.zeros((2, f, 2))
+        self._last = np.zeros((f, 2, 3))
+        self._grip = np.zeros(f)
+        self.slipped = 0
         self._time: float | None = None
         joints: list[int] = []
         offsets: list[FloatArray] = []
@@ -95,6 +110,7 @@ class Feet:
         self._sole_joint = np.array(joints, np.int32)
         self._sole_offset = np.array(offsets).reshape(-1, 3)
         self._sole_start = np.array(starts, np.int32)
+        self._sole_last = np.zeros((len(joints), 2))
 
     def forget(self) -> None:
         """Begin anew: what comes next has no past."""
@@ -124,13 +140,27 @@ class Feet:
             self._target_offset, self._ahead, self._stretch, self._scale, self._weight,
             self._place,
         )  # fmt: skip
+        touch(
+            T_source, self._joint, self._offset, self._standing, dt, self._touch_limits,
+            self._last, self._touching,
+        )  # fmt: skip
+        if dt < 0.0:
+            self._off[:] = 0.0
+        self._place += self._off
         self._stands[:, 0] = 1.0 - (1.0 - self._weight[:, 0]) * (1.0 - self._weight[:, 1])
         self._stands[:, 1] = self._depth[:, 0]
         # A foot that rolls off would pull the body down after its heel.
         self._stands[:, 2] = 1.0 - (1.0 - self._weight[:, 0]) * (1.0 - _ROLLS * self._weight[:, 1])
+        fade = 1.0 if dt < 0.0 else 1.0 - np.exp(-dt / _POINTING)
+        self._stands[:, 3] += fade * (self._stands[:, 0] - self._stands[:, 3])
         ground(
             T_world_joint, self._legs, self._part, self._hinge, self._ahead, self._reach,
             self._stands, self._place, self._sole_joint, self._sole_offset, self._sole_start,
+        )  # fmt: skip
+        self.slipped += hold(
+            T_world_joint, self._legs, self._part, self._hinge, self._reach, self._touching, dt,
+            self._sole_joint, self._sole_offset, self._sole_start, self._sole_last, self._grip,
+            self._off,
         )  # fmt: skip
 
     def _measure_leg(self, i: int, side: str, rest: Skeleton, body: Body) -> None:

@@ -14,6 +14,13 @@ FOOT = 2
 
 _STRAIGHT = 0.9995
 """Longest leg, in lengths of thigh and shank together: a knee shows its axis."""
+_SOFT = 0.97
+"""Length of a leg, likewise, from which it gives way when it shall become longer: a knee that goes
+straight at full speed snaps."""
+_LONG = 0.985
+"""How long it becomes at most, likewise, unless it is nearly so anyway."""
+_ROOM = 0.006
+"""How much longer than it is anyway it may become, likewise."""
 _HINGE = 0.3
 """How much a knee's own axis counts against that of its bend, in products of the two lengths."""
 _HARD = 0.001
@@ -25,6 +32,9 @@ _LEVER = 0.05
 """Length of a foot below which it does not point, likewise."""
 _POINTING = 0.5
 """How far it points at most [rad]."""
+_UPRIGHT = 0.35
+_OBLIQUE = 0.85
+"""Cosine of a foot's slope up to which it does not point, and from which it does fully."""
 _PULL = 0.03
 """How far a foot on its ball alone is pulled down, in lengths of the leg."""
 _FLAT = 0.2
@@ -85,6 +95,31 @@ def _move(T, R, before, after):
     x, y, z = T[0, 3] - before[0], T[1, 3] - before[1], T[2, 3] - before[2]
     for k in range(3):
         T[k, 3] = R[k, 0] * x + R[k, 1] * y + R[k, 2] * z + after[k]
+
+
+@kernel()
+def reachable(T, joints, reach, before, goal):
+    """Raise a goal of an ankle that the leg comes near only straight; along the ground it stays.
+
+    Args:
+        T: Poses of all joints, shape [n, 4, 4].
+        joints: Upper leg, lower leg and foot, shape [3].
+        reach: Length of thigh and shank [m].
+        before: Distance of hip and ankle that the leg may have anyway [m].
+        goal: Where the ankle shall be [m], changed in place, shape [3].
+    """
+    hip = T[joints[0]]
+    x, y, z = goal[0] - hip[0, 3], goal[1] - hip[1, 3], goal[2] - hip[2, 3]
+    wanted = np.sqrt(x * x + y * y + z * z)
+    longest = min(max(_LONG * reach, before + _ROOM * reach), _STRAIGHT * reach)
+    free = min(max(before, _SOFT * reach), longest - 1e-6)
+    if wanted <= free or z >= 0.0:
+        return
+    room = longest - free
+    length = free + room * np.tanh((wanted - free) / room)
+    level = x * x + y * y
+    if level < length * length:
+        goal[2] = max(goal[2], hip[2, 3] - np.sqrt(length * length - level))
 
 
 @kernel()
@@ -203,13 +238,15 @@ def watch(T_source, joint, offset, standing, dt, limits, before, faded, weight, 
             height = now
         height -= standing[p]
         speed = np.sqrt(speed) / behind
-        depth[p] = 1.0 - _step(0.5 * limits[4], limits[4], -height)
+        depth[p] = 1.0 - smooth_step(0.5 * limits[4], limits[4], -height)
         stands = depth[p]
-        stands *= 1.0 - _step(limits[0], limits[1], height)
-        stands *= 1.0 - _step(limits[2], limits[3], speed)
+        stands *= 1.0 - smooth_step(limits[0], limits[1], height)
+        stands *= 1.0 - smooth_step(limits[2], limits[3], speed)
         faded[p] += fade * (stands - faded[p])
         # A foot that is lifted is let go at once, or it would pull the body after it.
-        weight[p] = _step(0.0, 1.0, faded[p]) * (1.0 - _step(limits[1], 2.0 * limits[1], height))
+        weight[p] = smooth_step(0.0, 1.0, faded[p]) * (
+            1.0 - smooth_step(limits[1], 2.0 * limits[1], height)
+        )
 
 
 @kernel()
@@ -259,7 +296,7 @@ def missed(T_source, T, joint, offset, foot, target_offset, ahead, stretch, scal
 
 
 @kernel()
-def _step(low, high, value):
+def smooth_step(low, high, value):
     """0 up to low, 1 from high, smooth between."""
     s = min(max((value - low) / (high - low), 0.0), 1.0)
     return s * s * (3.0 - 2.0 * s)
@@ -273,7 +310,8 @@ def _point_foot(T, ankle, part, ahead, reach, weight, sole_joint, sole_offset):
     A = T[ankle]
     fx = A[0, 0] * ahead[0] + A[0, 1] * ahead[1] + A[0, 2] * ahead[2]
     fy = A[1, 0] * ahead[0] + A[1, 1] * ahead[1] + A[1, 2] * ahead[2]
-    length = max(np.sqrt(fx * fx + fy * fy), _FLAT)
+    level = np.sqrt(fx * fx + fy * fy)
+    length = max(level, _FLAT)
     fx, fy = fx / length, fy / length
     for k in range(sole_joint.shape[0]):
         R, o = T[sole_joint[k]], sole_offset[k]
@@ -286,6 +324,8 @@ def _point_foot(T, ankle, part, ahead, reach, weight, sole_joint, sole_offset):
     if least <= 0.0 or weight <= 0.0 or fx * fx + fy * fy < 0.25:
         return
     own = _LEVER * reach
+    # A foot upright on its toes comes no lower by it.
+    weight *= smooth_step(_UPRIGHT, _OBLIQUE, level)
     angle = weight * least * lever / (lever * lever + own * own)
     angle = _POINTING * np.tanh(angle / _POINTING)
     c, s, away = np.cos(angle), np.sin(angle), 1.0 / np.sqrt(fx * fx + fy * fy)
@@ -318,8 +358,8 @@ def ground(
         hinge: Axis of each knee in the upper leg's frame, shape [f, 3].
         ahead: Forward in each foot's frame, when it stands flat, shape [f, 3].
         reach: Length of each leg, thigh and shank [m], shape [f].
-        weight: How much each foot stands, is kept out of the ground, and leads the root, 0 to 1,
-            shape [f, 3].
+        weight: How much each foot stands, is kept out of the ground, leads the root, and points,
+            0 to 1, shape [f, 4].
         place: Way on the ground that each ankle is off where it shall be [m], shape [f, 2].
         sole_joint: Joint of each point of the soles, shape [p].
         sole_offset: That point in the joint's frame [m], shape [p, 3].
@@ -351,7 +391,7 @@ def ground(
             hard = _HARD * reach[i]
             excess = (z - high) / hard
             wish = excess if excess > 30.0 else np.log1p(np.exp(excess))
-            more = max(more, weight[i, 0] * hard * wish)
+            more = max(more, weight[i, 2] ** 2 * hard * wish)
         # Not far: rather a foot that points than a body that bobs.
         for i in range(f):
             most = max(most, _DIP * reach[i])
@@ -373,9 +413,16 @@ def ground(
         goal[0] = ankle[0, 3] + place[i, 0]
         goal[1] = ankle[1, 3] + place[i, 1]
         goal[2] = ankle[2, 3] + up
+        hip = T[legs[i, 0]]
+        before = np.sqrt(
+            (ankle[0, 3] - hip[0, 3]) ** 2
+            + (ankle[1, 3] - hip[1, 3]) ** 2
+            + (ankle[2, 3] - hip[2, 3]) ** 2
+        )
+        reachable(T, legs[i], reach[i], before, goal)
         bend_leg(T, legs[i], part[i], hinge[i], goal)
         points = slice(sole_start[i], sole_start[i + 1])
         _point_foot(
-            T, legs[i, 2], part[i], ahead[i], reach[i], weight[i, 0],
+            T, legs[i, 2], part[i], ahead[i], reach[i], weight[i, 3],
             sole_joint[points], sole_offset[points],
         )  # fmt: skip

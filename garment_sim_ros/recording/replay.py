@@ -3,7 +3,6 @@
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray
-from garment_sim_ros.body.feet import PAST
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.body.retargeting import Retargeter
@@ -69,13 +68,15 @@ class Replay:
         return transform_from(position, orientation)
 
     def _posed(self, k: int) -> FloatArray:
-        """The body's joints at a message, its feet grounded as `collider_node` does."""
+        """The body's joints at a message, its feet grounded as `collider_node` does by default.
+
+        A recording does not tell whether its feet were. From its beginning on, for feet stay
+        where they were put down.
+        """
         if k not in self._kept:
-            past = self._stamp[k] - round(1e9 * PAST)
             begin = max(self._kept, default=-1) + 1
-            first = min(int(np.searchsorted(self._stamp, past)), k)
-            if not first <= begin <= k:
-                begin = first
+            if begin > k:
+                begin = 0
                 self._kept.clear()
                 self._retargeter.feet.forget()
             for i in range(begin, k + 1):

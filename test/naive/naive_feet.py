@@ -61,6 +61,76 @@ def bend_leg(T, joints, part, hinge, goal):
     return T
 
 
+def reachable(T, joints, reach, before, goal):
+    """See `feet_pass.reachable`; returns the new goal."""
+    away = goal - T[joints[0], :3, 3]
+    longest = min(max(0.985 * reach, before + 0.006 * reach), 0.9995 * reach)
+    free = min(max(before, 0.97 * reach), longest - 1e-6)
+    wanted = np.linalg.norm(away)
+    if wanted <= free or away[2] >= 0.0:
+        return goal
+    length = free + (longest - free) * np.tanh((wanted - free) / (longest - free))
+    rest = length**2 - away[0] ** 2 - away[1] ** 2
+    if rest <= 0.0:
+        return goal
+    return T[joints[0], :3, 3] + [away[0], away[1], max(away[2], -np.sqrt(rest))]
+
+
+def touch(T_source, joint, offset, standing, dt, limits, last, touching):
+    """See `feet_lock.touch`; returns the points' places and which touch."""
+    last, touching = last.copy(), touching.copy()
+    for i, p in np.ndindex(joint.shape):
+        if joint[i, p] < 0:
+            continue
+        now = point(T_source[joint[i, p]], offset[i, p])
+        height = now[2] - standing[i, p]
+        if dt < 0.0:
+            touching[i, p] = 0.0
+        elif dt > 0.0:
+            low, slow = limits[2:4] if touching[i, p] else limits[:2]
+            speed = np.linalg.norm(now - last[i, p]) / dt
+            touching[i, p] = float(-limits[4] < height < low and speed < slow)
+        last[i, p] = now
+    return last, touching
+
+
+def hold(
+    T, legs, part, hinge, reach, touching, dt, sole_joint, sole_offset, sole_start, last, grip, off
+):
+    """See `feet_lock.hold`; returns the new poses, places, grips, ways off, and count."""
+    T, last, grip, off = T.copy(), last.copy(), grip.copy(), off.copy()
+    slipped = 0
+    for i, leg in enumerate(legs):
+        points = range(sole_start[i], sole_start[i + 1])
+        if dt < 0.0:
+            grip[i], off[i] = 0.0, 0.0
+        elif dt > 0.0:
+            held = touching[i].max()
+            kept = np.exp(-dt / (0.015 if held else 0.05))
+            grip[i] = kept * grip[i] + (1.0 - kept) * held
+            now = np.array([point(T[sole_joint[k]], sole_offset[k]) for k in points])
+            lowest = now[:, 2].min()
+            holds = grip[i] * (1.0 - step(0.01 * reach[i], 0.03 * reach[i], lowest))
+            share = np.exp(-(now[:, 2] - lowest) / 0.004)
+            way = share @ (now[:, :2] - last[points]) / share.sum()
+            length = max(np.linalg.norm(off[i]), 1e-9)
+            shrink = max(1.0 - 0.004 * reach[i] * dt / length, 0.0)
+            new = shrink * np.exp(-(1.0 - holds) * dt / 0.12) * off[i] - holds * way
+            slips = np.linalg.norm(new) > 0.12 * reach[i]
+            if slips:
+                new = 0.12 * reach[i] * unit(new)
+            ankle, hip = T[leg[2], :3, 3], T[leg[0], :3, 3]
+            goal = ankle + np.append(new - off[i], 0.0)
+            goal = reachable(T, leg, reach[i], np.linalg.norm(ankle - hip), goal)
+            T = bend_leg(T, leg, part[i], hinge[i], goal)
+            missing = (T[leg[2], :3, 3] - goal)[:2]
+            off[i] = new + missing
+            slipped += bool(held and (slips or np.linalg.norm(missing) > 0.001 * reach[i]))
+        for k in points:
+            last[k] = point(T[sole_joint[k]], sole_offset[k])[:2]
+    return T, last, grip, off, slipped
+
+
 def watch(T_source, joint, offset, standing, dt, limits, before, faded):
     """See `feet_pass.watch`; returns past, faded weights, weights and depths."""
     before, faded = before.copy(), faded.copy()
@@ -120,7 +190,7 @@ def ground(T, legs, part, hinge, ahead, reach, weight, place, sole_joint, sole_o
             high = np.sqrt(max(length**2 - away[0] ** 2 - away[1] ** 2, 0.0))
             soft = 0.001 * reach[i]
             excess = shift - away[2] - high
-            deepest = max(deepest, w[i] * soft * np.logaddexp(0.0, excess / soft))
+            deepest = max(deepest, lead[i] ** 2 * soft * np.logaddexp(0.0, excess / soft))
         shift -= 0.02 * max(reach) * np.tanh(deepest / (0.02 * max(reach)))
         T[:, 2, 3] += shift
         down += shift
@@ -130,16 +200,20 @@ def ground(T, legs, part, hinge, ahead, reach, weight, place, sole_joint, sole_o
             most = reach[i] * (0.03 + lead[i] ** 4)
             up = most * np.tanh(up / most)
         up -= weight[i, 1] * min(down[i] + up, 0.0)
-        T = bend_leg(T, leg, part[i], hinge[i], T[leg[2], :3, 3] + [*place[i], up])
+        before = np.linalg.norm(T[leg[2], :3, 3] - T[leg[0], :3, 3])
+        goal = reachable(T, leg, reach[i], before, T[leg[2], :3, 3] + [*place[i], up])
+        T = bend_leg(T, leg, part[i], hinge[i], goal)
         ankle = T[leg[2]].copy()
         forward = (ankle[:3, :3] @ ahead[i]) * [1.0, 1.0, 0.0]
-        forward /= max(np.linalg.norm(forward), 0.2)
+        level = np.linalg.norm(forward)
+        forward /= max(level, 0.2)
         points = range(sole_start[i], sole_start[i + 1])
         lowest = min((point(T[sole_joint[k]], sole_offset[k]) for k in points), key=lambda x: x[2])
-        if lowest[2] <= 0.0 or w[i] <= 0.0 or forward @ forward < 0.25:
+        if lowest[2] <= 0.0 or weight[i, 3] <= 0.0 or forward @ forward < 0.25:
             continue
         lever = forward @ (lowest - ankle[:3, 3])
-        angle = w[i] * lowest[2] * lever / (lever**2 + (0.05 * reach[i]) ** 2)
+        pointing = weight[i, 3] * step(0.35, 0.85, level)
+        angle = pointing * lowest[2] * lever / (lever**2 + (0.05 * reach[i]) ** 2)
         axis = unit(np.cross([0.0, 0.0, 1.0], forward))
         turn = Rotation.from_rotvec(0.5 * np.tanh(angle / 0.5) * axis)
         for j in np.flatnonzero(part[i] == 2):

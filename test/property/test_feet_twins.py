@@ -7,6 +7,7 @@ import pytest
 from naive import naive_feet
 from scipy.spatial.transform import Rotation
 
+from garment_sim_ros.body.feet_lock import hold, touch
 from garment_sim_ros.body.feet_pass import bend_leg, ground, missed, watch
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
@@ -75,7 +76,7 @@ def test_contact_and_grounding_are_alike(feet, seed):
     place = np.zeros((2, 2))
     missed(*arguments, place)
     np.testing.assert_allclose(place, naive_feet.missed(*arguments), atol=1e-12)
-    for weights in (rng.uniform(size=(2, 3)), np.zeros((2, 3)), np.ones((2, 3))):
+    for weights in (rng.uniform(size=(2, 4)), np.zeros((2, 4)), np.ones((2, 4))):
         arguments = (
             *(f._legs, f._part, f._hinge, f._ahead, f._reach, weights, place),
             *(f._sole_joint, f._sole_offset, f._sole_start),
@@ -83,6 +84,41 @@ def test_contact_and_grounding_are_alike(feet, seed):
         got = T.copy()
         ground(got, *arguments)
         np.testing.assert_allclose(got, naive_feet.ground(T, *arguments), atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_soles_are_held_alike_and_stay_where_they_were(feet, seed):
+    f, T_source, T, rng = poses_of(feet, seed)
+    places = np.array([T_source[j, :3, 3] for j in f._joint.ravel()]).reshape(2, 2, 3)
+    places += rng.normal(scale=0.01, size=(2, 2, 3))
+    for dt in (-1.0, 0.0, 1 / 60):
+        state = places.copy(), rng.integers(2, size=(2, 2)).astype(float)
+        contact = (T_source, f._joint, f._offset, f._standing, dt, f._touch_limits)
+        expected = naive_feet.touch(*contact, *state)
+        touch(*contact, *state)
+        for a, b in zip(state, expected):
+            np.testing.assert_allclose(a, b, atol=1e-12)
+    for i in range(2):  # on the ground, for soles above it are not held
+        points = slice(f._sole_start[i], f._sole_start[i + 1])
+        at = T[f._sole_joint[points]]
+        low = (at[:, 2, :3] * f._sole_offset[points]).sum(axis=1) + at[:, 2, 3]
+        T[f._part[i] >= 0, 2, 3] -= low.min()
+    at = T[f._sole_joint]
+    now = ((at[:, :3, :3] @ f._sole_offset[..., None])[..., 0] + at[:, :3, 3])[:, :2]
+    for dt in (-1.0, 0.0, 1 / 120, 1 / 15):
+        for held in (np.ones((2, 2)), rng.integers(2, size=(2, 2)).astype(float)):
+            leg = (f._legs, f._part, f._hinge, f._reach, held, dt)
+            sole = (f._sole_joint, f._sole_offset, f._sole_start)
+            state = (
+                now + rng.normal(scale=0.005, size=(2,)),
+                rng.uniform(size=2),
+                rng.normal(scale=0.03, size=(2, 2)),
+            )
+            *expected, slipped = naive_feet.hold(T, *leg, *sole, *state)
+            got = T.copy(), *(x.copy() for x in state)
+            assert hold(got[0], *leg, *sole, *got[1:]) == slipped
+            for a, b in zip(got, expected):
+                np.testing.assert_allclose(a, b, atol=1e-8)
 
 
 def test_opposite_directions_do_not_break_a_leg(feet):

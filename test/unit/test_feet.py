@@ -33,8 +33,8 @@ def soles(retargeter, body):
     return [np.flatnonzero(part[main] == FOOT) for part in retargeter.feet._part]
 
 
-def low_and_slow(clip, retargeter, times):
-    """Whether each foot of the source stands at each time, and how fast it slides [m/s]."""
+def standing_feet(clip, retargeter, times):
+    """Whether each foot of the source stands at each time: low and slow, with hysteresis."""
     feet, kinematics = retargeter.feet, ForwardKinematics(clip.rig)
     points = []
     for t in times:
@@ -43,19 +43,28 @@ def low_and_slow(clip, retargeter, times):
     points = np.array(points)
     speed = np.full(points.shape[:3], np.inf)
     speed[1:-1] = np.linalg.norm(points[2:] - points[:-2], axis=-1) / (times[2] - times[0])
-    stands = ((np.abs(points[..., 2] - feet._standing) < 0.03) & (speed < 0.2)).any(axis=2)
-    way = np.linalg.norm(np.diff(points[..., :2], axis=0), axis=-1).min(axis=2)
-    own = retargeter.scale * way[stands[1:] & stands[:-1]] / (times[1] - times[0])
-    return stands, own
+    away = np.abs(points[..., 2] - feet._standing)
+    stands, stays = (away < 0.03) & (speed < 0.1), (away < 0.04) & (speed < 0.15)
+    for k in range(1, len(times)):
+        stands[k] |= stands[k - 1] & stays[k]
+    return stands.any(axis=2)
 
 
-@pytest.mark.parametrize("name", ["walk", "cmu_14_14_jumping_jacks_30fps.bvh"])
-def test_soles_are_on_the_ground_while_they_stand(body, data_file, name):
+CLIPS = [
+    "walk",
+    "cmu_14_14_jumping_jacks_30fps.bvh",
+    "deepmimic_walk.bvh",
+    "fair_wave_hello.bvh",
+]
+
+
+@pytest.mark.parametrize("name", CLIPS)
+def test_soles_are_on_the_ground_in_one_place_while_they_stand(body, data_file, name):
     clip = load_clip(name if name == "walk" else data_file("mocap", name))
     retargeter, skinner = retargeter_of(clip, body), Skinner(body.skin)
-    times = np.arange(0.0, 3.0, 1 / 60)
-    standing, own = low_and_slow(clip, retargeter, times)
-    assert standing.sum() > 60
+    times = np.arange(clip.times[0], min(clip.times[0] + 3.0, clip.times[-1]), 1 / 60)
+    standing = standing_feet(clip, retargeter, times)
+    assert standing.sum() > 30
     feet = soles(retargeter, body)
     heights, slides = {}, {}
     for grounded in (False, True):
@@ -65,18 +74,37 @@ def test_soles_are_on_the_ground_while_they_stand(body, data_file, name):
             x = skinner.vertices(T)
             skins.append([x[sole].copy() for sole in feet])
         heights[grounded] = np.array([skins[k][i][:, 2].min() for k, i in np.argwhere(standing)])
-        slides[grounded] = [
-            np.linalg.norm((skins[k][i] - skins[k - 1][i])[:, :2], axis=1).min() * 60
-            for k, i in np.argwhere(standing)
-            if k and standing[k - 1, i]
-        ]
+        slides[grounded] = []
+        for k, i in np.argwhere(standing[1:] & standing[:-1]):
+            before, x = skins[k][i], skins[k + 1][i]
+            near = x[:, 2] < x[:, 2].min() + 0.02  # a foot that rolls off does not slide
+            slides[grounded].append(np.linalg.norm((x - before)[near, :2], axis=1).min() * 60)
     before, after = (np.percentile(np.abs(heights[g]), 95) for g in (False, True))
     assert after < 0.012
     assert after < 0.8 * before
-    # What slides in the source does so here; grounding adds little to it.
-    for share in (50, 95):
-        asked = max(np.percentile(slides[False], share), np.percentile(own, share))
-        assert np.percentile(slides[True], share) < 1.2 * asked + 0.01
+    assert np.median(slides[True]) < 0.01
+    assert np.percentile(slides[True], 95) < 0.03
+    assert retargeter.feet.slipped <= 0.1 * standing.sum()
+
+
+@pytest.mark.parametrize("rate", [15, 30, 120])
+def test_soles_stay_in_one_place_at_any_rate(body, rate):
+    clip = load_clip("walk")
+    retargeter, skinner = retargeter_of(clip, body), Skinner(body.skin)
+    times = np.arange(0.0, 3.0, 1 / rate)
+    standing = standing_feet(clip, retargeter, times)
+    feet = soles(retargeter, body)
+    slides = []
+    last = None
+    for k, t in enumerate(times):
+        x = skinner.vertices(retargeter.world_joints(sample(clip, float(t)), float(t))).copy()
+        for i in np.flatnonzero(standing[k] & standing[k - 1]) if k else ():
+            sole = feet[i]
+            near = sole[x[sole, 2] < x[sole, 2].min() + 0.02]
+            slides.append(np.linalg.norm((x - last)[near, :2], axis=1).min() * rate)
+        last = x
+    assert np.median(slides) < 0.01
+    assert np.percentile(slides, 90) < 0.03
 
 
 def test_without_a_time_nothing_is_grounded(body):
@@ -117,16 +145,16 @@ def test_the_rate_does_not_matter(body):
         assert away.mean() < 0.2 * most
 
 
-def test_what_was_before_does_not_matter_after_a_while(body):
+def test_what_was_before_does_not_matter_after_some_steps(body):
     clip = load_clip("walk")
     watched, late = retargeter_of(clip, body), retargeter_of(clip, body)
-    for k in range(120):
+    for k in range(210):
         q, t = sample(clip, k / 60), k / 60
         T = watched.world_joints(q, t).copy()
         if k >= 40:
             other = late.world_joints(q, t)
-        if k >= 40 + 60 * PAST:
-            np.testing.assert_allclose(T, other, atol=1e-3)
+        if k >= 180:
+            np.testing.assert_allclose(T, other, atol=2e-3)
     # Going back in time, or far ahead, is a new beginning.
     for t in (0.0, 1e6):
         np.testing.assert_array_equal(
@@ -151,7 +179,7 @@ def test_poses_go_on_without_a_jerk(body):
         for grounded in (False, True)
     }
     jerk = {g: np.abs(np.diff(places, 2, axis=0)).max() * 3600 for g, places in x.items()}
-    assert jerk[True] < 2.0 * jerk[False] + 220.0
+    assert jerk[True] < 2.0 * jerk[False] + 35.0
 
 
 def test_bodies_without_feet_or_legs_are_posed_all_the_same():
