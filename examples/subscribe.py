@@ -18,6 +18,7 @@ def main(garment: str = "tshirt", count: str = "60") -> None:
     rclpy.init(args=sys.argv)
     node = rclpy.create_node("listener")
     frames: list[tuple[int, np.ndarray]] = []  # [ns]; [v, 3] m, world
+    meshes: list[Mesh] = []
 
     def take(message: PointCloud2) -> None:
         rows = np.frombuffer(message.data, np.float32).reshape(message.width, -1)
@@ -25,14 +26,13 @@ def main(garment: str = "tshirt", count: str = "60") -> None:
         frames.append((stamp, rows[:, :3]))
         print(f"{stamp} ns: {len(rows)} vertices about {rows[:, :3].mean(axis=0).round(3)} m")
 
-    def take_mesh(message: Mesh) -> None:
-        print("triangles:", np.array([t.vertex_indices for t in message.triangles]).shape)
-
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    node.create_subscription(Mesh, f"garments/{garment}/topology", take_mesh, latched)
+    node.create_subscription(Mesh, f"garments/{garment}/topology", meshes.append, latched)
     node.create_subscription(PointCloud2, f"garments/{garment}/points", take, 2)
-    while len(frames) < int(count):
+    while len(frames) < int(count) or not meshes:
         rclpy.spin_once(node)
+    triangles = np.array([t.vertex_indices for t in meshes[0].triangles])
+    print("triangles:", triangles.shape)
 
 
 if __name__ == "__main__":

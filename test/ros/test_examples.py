@@ -35,7 +35,7 @@ def test_garments_arrive_as_arrays(start_node, tmp_path):
     )
     assert done.returncode == 0, done.stderr
     frames = re.findall(r"(\d+) ns: 500 vertices about \[(.*)\] m", done.stdout)
-    assert len(frames) == 5
+    assert len(frames) >= 5
     stamps = [int(stamp) for stamp, _ in frames]
     assert stamps == sorted(set(stamps))
     assert all(0.3 < float(place.split()[2]) < 1.5 for _, place in frames)
