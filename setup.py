@@ -8,6 +8,7 @@ NAME = "garment_sim_ros"
 
 # Lower limits are the versions of Ubuntu 24.04, on which ROS 2 Jazzy runs.
 REQUIRES = [
+    "backports.zstd>=1.0",
     "defusedxml>=0.7",
     "embreex>=2.17; platform_machine == 'x86_64'",  # no wheels elsewhere; only renders need it
     "numba>=0.60",

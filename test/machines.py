@@ -56,7 +56,7 @@ def lower_limits() -> list[str]:
         for line in ast.parse((REPOSITORY / "setup.py").read_text()).body
         if isinstance(line, ast.Assign) and ast.unparse(line.targets[0]) in ("REQUIRES", "TEST")
     ]
-    found = re.findall(r"^([\w-]+)>=(\d+)([\d.]*)", "\n".join(chain(*lists)), re.MULTILINE)
+    found = re.findall(r"^([\w.-]+)>=(\d+)([\d.]*)", "\n".join(chain(*lists)), re.MULTILINE)
     return [f"{name}=={first}{rest or '.0'}.*" for name, first, rest in found]
 
 

@@ -8,16 +8,24 @@ MCAP 0 (mcap.dev/spec); Zstandard frames (RFC 8878); SQLite.
 import re
 import sqlite3
 import struct
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 from urllib.parse import quote
 
+from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 
 from garment_sim_ros.errors import GarmentSimError, InputFileError
 from garment_sim_ros.input_file import checked_size, exists, is_folder
+from garment_sim_ros.mocap.bag_compression import (
+    ENDING,
+    FORMAT,
+    MODES,
+    unpacked_message,
+    without_compression,
+)
 from garment_sim_ros.plain_data import read_yaml
 
 MAX_BYTES = 4 * 2**30
@@ -38,9 +46,34 @@ _LZ4_RATIO = 255
 _ALLOWED = "allowed: a rosbag2 folder, .mcap or .db3 file"
 
 
+class Bag:
+    """An opened recording.
+
+    Attributes:
+        connections: Its topics.
+    """
+
+    def __init__(self, reader: Reader, most: int | None = None) -> None:
+        """Keep the reader; `most` bytes is what compressed messages may grow to, if they are."""
+        self._reader = reader
+        self._most = most
+        self.connections: list[Connection] = reader.connections
+
+    def messages(
+        self, connections: Sequence[Connection]
+    ) -> Iterator[tuple[Connection, int, bytes]]:
+        """Connection, log time [ns] and content of each message on some connections, by time."""
+        left = self._most
+        for connection, timestamp, data in self._reader.messages(connections):
+            if left is not None:
+                data = unpacked_message(data, left)
+                left -= len(data)
+            yield connection, timestamp, data
+
+
 @contextmanager
-def opened_bag(path: str | Path) -> Iterator[Reader]:
-    """A reader of a recording.
+def opened_bag(path: str | Path) -> Iterator[Bag]:
+    """A recording to read from.
 
     Args:
         path: A rosbag2 folder, or its .mcap or .db3 file.
@@ -49,10 +82,27 @@ def opened_bag(path: str | Path) -> Iterator[Reader]:
         InputFileError: It is missing, damaged or too large, also where that only shows in the
             block that reads from it.
     """
-    _check(path)
     try:
-        with Reader(Path(path)) as reader:
-            yield reader
+        with ExitStack() as stack:
+            about: dict[str, Any] = {}
+            files = [Path(path)]
+            if is_folder(path):
+                about = _metadata(Path(path) / "metadata.yaml")
+                files = _files_named(Path(path) / "metadata.yaml", about)
+            elif not exists(path):
+                raise InputFileError(path, "does not exist", _ALLOWED)
+            mode = _compression(Path(path) / "metadata.yaml", about)
+            most = _EXPANSION * _checked_sizes(path, files, mode) + _FREE_BYTES
+            folder, stored = Path(path), files
+            if mode != "none":
+                folder, stored = stack.enter_context(
+                    without_compression(about, files, min(most, MAX_BYTES))
+                )
+            left = most
+            for file, named in zip(stored, files):
+                left -= _check_content(file, named, left)
+            reader = stack.enter_context(Reader(folder))
+            yield Bag(reader, most if mode == "message" else None)
     except GarmentSimError:
         raise
     except MemoryError:
@@ -68,57 +118,76 @@ def _short(error: Exception) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())[:200]
 
 
-def _check(path: str | Path) -> None:
-    """Refuse what is missing, is no bag, or would take too much to open."""
-    files = [Path(path)]
-    if is_folder(path):
-        files = _files_named(Path(path) / "metadata.yaml")
-    elif not exists(path):
-        raise InputFileError(path, "does not exist", _ALLOWED)
-    total = 0
-    for file in files:
-        total += checked_size(file, limit=MAX_BYTES)
-        if file.suffix not in (".mcap", ".db3"):
-            raise InputFileError(file, f"has the ending {file.suffix!r}", _ALLOWED)
-    if total > MAX_BYTES:
-        raise InputFileError(path, f"has {total} bytes", f"allowed: at most {MAX_BYTES}")
-    for file in files:
-        try:
-            (_check_mcap if file.suffix == ".mcap" else _check_sqlite)(file)
-        except (OSError, ValueError, struct.error, sqlite3.Error) as error:
-            raise InputFileError(
-                file, f"cannot be read as a bag ({_short(error)})", _ALLOWED
-            ) from None
-
-
-def _files_named(metadata: Path) -> list[Path]:
-    """The storage files that a recording's metadata names, which lie beside it."""
-    if not exists(metadata):
-        raise InputFileError(metadata.parent, "has no metadata.yaml", _ALLOWED)
-    content = read_yaml(metadata, limit=_MAX_METADATA_BYTES)
+def _metadata(path: Path) -> dict[str, Any]:
+    """What a recording's metadata says."""
+    if not exists(path):
+        raise InputFileError(path.parent, "has no metadata.yaml", _ALLOWED)
+    content = read_yaml(path, limit=_MAX_METADATA_BYTES)
     about: Any = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
-    names = about.get("relative_file_paths") if isinstance(about, dict) else None
+    return about if isinstance(about, dict) else {}
+
+
+def _files_named(metadata: Path, about: dict[str, Any]) -> list[Path]:
+    """The storage files that a recording's metadata names, which lie beside it."""
+    names = about.get("relative_file_paths")
     if (
         not isinstance(names, list)
         or not 0 < len(names) <= _MAX_FILES
         or not all(isinstance(name, str) for name in names)
     ):
         raise InputFileError(metadata, "names no files", f"allowed: 1 to {_MAX_FILES} file names")
-    mode = about.get("compression_mode") or "none"
-    if str(mode).lower() != "none":
-        raise InputFileError(
-            metadata,
-            f"says that each {str(mode).lower()[:60]} is compressed",
-            "allowed: none, or the chunks inside of an .mcap file",
-        )
     # As the reader does it: older versions wrote paths.
     return [metadata.parent / Path(name).name for name in names]
 
 
-def _check_mcap(path: Path) -> None:
-    """Refuse records that end nowhere and compressed chunks that grow out of proportion."""
+def _compression(metadata: Path, about: dict[str, Any]) -> str:
+    """What is compressed: none, file or message. Chunks inside of files do not count."""
+    mode = str(about.get("compression_mode") or "none").lower()
+    if mode not in MODES:
+        raise InputFileError(
+            metadata, f"has the compression_mode {mode[:60]!r}", f"allowed: {', '.join(MODES)}"
+        )
+    form = str(about.get("compression_format") or "none").lower()
+    if mode != "none" and form != FORMAT:
+        raise InputFileError(
+            metadata, f"has the compression_format {form[:60]!r}", f"allowed: {FORMAT}"
+        )
+    return mode
+
+
+def _checked_sizes(path: str | Path, files: list[Path], mode: str) -> int:
+    """Size of all files [bytes]; refuses those that are missing, of another kind or too large."""
+    total = 0
+    for file in files:
+        total += checked_size(file, limit=MAX_BYTES)
+        name = Path(file.name.removesuffix(ENDING) if mode == "file" else file.name)
+        if name.suffix not in (".mcap", ".db3"):
+            raise InputFileError(file, f"has the ending {file.suffix!r}", _ALLOWED)
+    if total > MAX_BYTES:
+        raise InputFileError(path, f"has {total} bytes", f"allowed: at most {MAX_BYTES}")
+    return total
+
+
+def _check_content(file: Path, named: Path, most: int) -> int:
+    """Refuse a storage file that would take too much to open, by the name that it was given.
+
+    Returns:
+        What its compressed chunks grow to [bytes].
+    """
+    try:
+        if file.suffix == ".mcap":
+            return _check_mcap(file, most)
+        _check_sqlite(file)
+        return 0
+    except (OSError, ValueError, struct.error, sqlite3.Error) as error:
+        raise InputFileError(
+            named, f"cannot be read as a bag ({_short(error)})", _ALLOWED
+        ) from None
+
+
+def _check_mcap(path: Path, most: int) -> int:
+    """What compressed chunks grow to; refuses over `most` bytes, and records that end nowhere."""
     size = path.stat().st_size
-    most = _EXPANSION * size + _FREE_BYTES
     grown = 0
     chunks: dict[int, tuple[int, int, str]] = {}
     with path.open("rb") as file:
@@ -130,7 +199,7 @@ def _check_mcap(path: Path) -> None:
             if start + 9 + length > size:
                 raise ValueError(f"a record of {length} bytes passes the file's end")
             if kind == _FOOTER:
-                break
+                return grown
             if kind == _CHUNK:
                 chunks[start] = grown_size, packed, name = _chunk(file, length)
                 grown += max(grown_size, _most_bytes(file, name, packed))
@@ -143,11 +212,11 @@ def _check_mcap(path: Path) -> None:
                 (n,) = struct.unpack_from("<I", record, skipped)
                 name = record[skipped + 4 : skipped + 4 + n].decode()
                 packed, whole = struct.unpack_from("<QQ", record, skipped + 4 + n)
-                if chunks.get(place) != (whole, packed, name):
+                # Taken out: a chunk that is named again would be unpacked again.
+                if chunks.pop(place, None) != (whole, packed, name):
                     raise ValueError(f"its index names a chunk at byte {place}")
             file.seek(start + 9 + length)
-        else:
-            raise ValueError(f"over {_MAX_RECORDS} records")
+    raise ValueError(f"over {_MAX_RECORDS} records")
 
 
 def _chunk(file: BinaryIO, length: int) -> tuple[int, int, str]:

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Connection
-from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.errors import InputFileError
-from garment_sim_ros.mocap.bag_file import opened_bag
+from garment_sim_ros.mocap.bag_file import Bag, opened_bag
 from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.sampling import closes
 from garment_sim_ros.mocap.source_urdf import reference_from_urdf
@@ -43,7 +42,7 @@ def load_bag(path: str | Path) -> Clip:
         return _clip(path, reader)
 
 
-def _clip(path: str | Path, reader: Reader) -> Clip:
+def _clip(path: str | Path, reader: Bag) -> Clip:
     states = _topic(path, reader, _JOINT_STATE, "joint_states", near="")
     namespace = states.topic.rpartition("/")[0]
     description = _topic(path, reader, _STRING, "robot_description", near=namespace)
@@ -85,7 +84,7 @@ def _clip(path: str | Path, reader: Reader) -> Clip:
     return replace(clip, loops=closes(clip))
 
 
-def _topic(path: str | Path, reader: Reader, kind: str, name: str, near: str) -> Connection:
+def _topic(path: str | Path, reader: Bag, kind: str, name: str, near: str) -> Connection:
     """The connection of a topic that ends in `name`, the one in namespace `near` preferred."""
     found = [
         c for c in reader.connections
@@ -100,7 +99,7 @@ def _topic(path: str | Path, reader: Reader, kind: str, name: str, near: str) ->
     return min(found, key=lambda c: (c.topic.rpartition("/")[0] != near, c.topic))
 
 
-def _messages(reader: Reader, connection: Connection) -> Iterator[tuple[int, Any]]:
+def _messages(reader: Bag, connection: Connection) -> Iterator[tuple[int, Any]]:
     """Log time [ns] and message; None where it cannot be decoded."""
     types = get_typestore(Stores.ROS2_JAZZY)
     for _, timestamp, data in reader.messages([connection]):
@@ -112,7 +111,7 @@ def _messages(reader: Reader, connection: Connection) -> Iterator[tuple[int, Any
 
 def _read(
     path: str | Path,
-    reader: Reader,
+    reader: Bag,
     connection: Connection,
     channels: tuple[str, ...],
     rejected: Counter[str],

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from garment_sim_ros.arrays import FloatArray, IntArray
@@ -17,7 +16,7 @@ from garment_sim_ros.colliders.description import from_json
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import InputFileError, MessageError
 from garment_sim_ros.geometry.transforms import interpolate_poses
-from garment_sim_ros.mocap.bag_file import opened_bag
+from garment_sim_ros.mocap.bag_file import Bag, opened_bag
 from garment_sim_ros.stamps import nanoseconds
 
 _UNIT = 1e-2
@@ -128,7 +127,7 @@ def read_recording(path: str | Path, *, most_frames: int = 300) -> Recording:
         return _read(reader, path, most_frames)
 
 
-def _read(reader: Reader, path: str | Path, most_frames: int) -> Recording:
+def _read(reader: Bag, path: str | Path, most_frames: int) -> Recording:
     types = get_typestore(Stores.ROS2_JAZZY)
 
     def messages(ending: str) -> Iterator[tuple[str, int, Any]]:

@@ -192,11 +192,15 @@ def _texts(folder: Path) -> dict[str, Sample]:
 
 def _bags(folder: Path) -> dict[str, Sample]:
     made = {}
-    for plugin, packed in (("MCAP", False), ("MCAP", True), ("SQLITE3", False)):
+    kinds = (
+        *(("MCAP", "none"), ("MCAP", "storage"), ("MCAP", "file"), ("MCAP", "message")),
+        *(("SQLITE3", "none"), ("SQLITE3", "file"), ("SQLITE3", "message")),
+    )
+    for plugin, packed in kinds:
         name = f"bag_{plugin}_{packed}".lower()
         writer = Writer(folder / name, version=9, storage_plugin=StoragePlugin[plugin])
-        if packed:
-            writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        if packed != "none":
+            writer.set_compression(CompressionMode[packed.upper()], CompressionFormat.ZSTD)
         with writer:
             connections = {}
             for topic, arrival, content in avatar(text=GRIPPER, joints_named=["left", "roll"]):
@@ -205,7 +209,7 @@ def _bags(folder: Path) -> dict[str, Sample]:
                     connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
                 data = STORE.serialize_cdr(content, kind)
                 writer.write(connections[topic], arrival, data)
-        file = next(f for f in (folder / name).iterdir() if f.suffix in (".mcap", ".db3"))
+        file = next(f for f in (folder / name).iterdir() if f.suffix != ".yaml")
         if plugin == "SQLITE3":  # pages that nothing uses make it larger than what is damaged
             assert file.stat().st_size < 100_000
         for what in (file, file.parent / "metadata.yaml"):

@@ -6,10 +6,12 @@ import signal
 import sqlite3
 import struct
 import zipfile
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
+from backports import zstd
 from unit.test_collider_description import example_set
 from unit.test_gltf import document
 from unit.test_obj_bodies import person, write_makehuman
@@ -360,11 +362,12 @@ def bag(tmp_path):
     """Writes the bag of an avatar."""
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-    def write(plugin, messages=None):
+    def write(plugin, messages=None, compressed=None):
         path = tmp_path / f"bag_{plugin}"
         writer = Writer(path, version=9, storage_plugin=StoragePlugin[plugin])
-        if plugin == "MCAP":
-            writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        compressed = compressed or ("STORAGE" if plugin == "MCAP" else "NONE")
+        if compressed != "NONE":
+            writer.set_compression(CompressionMode[compressed], CompressionFormat.ZSTD)
         with writer:
             connections = {}
             for topic, arrival, content in messages or avatar():
@@ -426,6 +429,58 @@ def test_mcap_chunks_that_grow(tmp_path, bag):
     refused(load_clip, file.parent, match="grow")
     refused(load_clip, file, match="grow")
     refused(read_recording, file.parent, match="grow")
+
+
+def _zeros(size):
+    """That many zero bytes, compressed."""
+    return zstd.compress(bytes(2**20)) * (size // 2**20)
+
+
+@pytest.mark.parametrize("plugin", ["MCAP", "SQLITE3"])
+def test_compressed_files_that_grow(bag, plugin):
+    file = bag(plugin, compressed="FILE")
+    assert file.suffix == ".zstd"
+    file.write_bytes(_zeros(8 * 2**30))  # of 700 KB
+    refused(load_clip, file.parent, match="grow")
+    refused(read_recording, file.parent, match="grow")
+
+
+def test_compressed_messages_that_grow(bag):
+    file = bag("SQLITE3", compressed="MESSAGE")
+    with closing(sqlite3.connect(file)) as database, database:
+        database.execute("UPDATE messages SET data = ?", (_zeros(2**30),))
+    refused(load_clip, file.parent, match="grow")
+    refused(read_recording, file.parent, match="grow")
+
+
+@pytest.mark.parametrize("compressed", ["FILE", "MESSAGE"])
+def test_what_is_not_compressed_as_it_says(bag, compressed):
+    file = bag("SQLITE3")
+    metadata = file.parent / "metadata.yaml"
+    text = metadata.read_text()
+    changed = text.replace("compression_format: ''", "compression_format: zstd")
+    written(metadata, changed.replace("compression_mode: ''", f"compression_mode: {compressed}"))
+    refused(load_clip, file.parent)
+    written(metadata, changed.replace("compression_mode: ''", "compression_mode: lines"))
+    refused(load_clip, file.parent, match="compression_mode 'lines'")
+    changed = text.replace("compression_format: ''", "compression_format: lz4")
+    written(metadata, changed.replace("compression_mode: ''", f"compression_mode: {compressed}"))
+    refused(load_clip, file.parent, match="compression_format 'lz4'")
+
+
+def test_an_index_that_names_a_chunk_many_times(bag):
+    """Each time, the reader would unpack it again."""
+    file = bag("MCAP")
+    data = file.read_bytes()
+    records, place = [], 8
+    while place < len(data) - 8:
+        kind, length = struct.unpack_from("<BQ", data, place)
+        records.append((kind, data[place : place + 9 + length]))
+        place += 9 + length
+    index = next(record for kind, record in records if kind == 0x08)
+    cut = data.index(index) + len(index)
+    file.write_bytes(data[:cut] + index * 1000 + data[cut:])
+    refused(load_clip, file, match="index names")
 
 
 def test_databases_that_compute_what_they_show(bag):

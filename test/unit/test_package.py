@@ -19,6 +19,7 @@ PACKAGE = "garment_sim_ros"
 # Import name: (name on the package index, rosdep key).
 PIP = {
     "PIL": ("pillow", "python3-pil"),
+    "backports": ("backports.zstd", "python3-backports-zstd-pip"),
     "defusedxml": ("defusedxml", "python3-defusedxml"),
     "embreex": ("embreex", "python3-embreex-pip"),
     "numba": ("numba", "python3-numba-pip"),
@@ -67,7 +68,7 @@ def setup_lists():
 
 
 def test_every_import_is_declared(manifest, setup_lists):
-    required = {re.match(r"[\w-]+", text).group() for text in setup_lists["REQUIRES"]}
+    required = {re.match(r"[\w.-]+", text).group() for text in setup_lists["REQUIRES"]}
     keys = {element.text for element in manifest.findall("exec_depend")}
     names = imported(PACKAGE, "launch") - OPTIONAL
     assert names <= set(PIP) | ROS, "add it to setup.py, package.xml and this test"
@@ -79,7 +80,7 @@ def test_every_import_is_declared(manifest, setup_lists):
 
 def test_nothing_is_declared_in_vain(manifest, setup_lists):
     known = dict(PIP.values())
-    required = {re.match(r"[\w-]+", text).group() for text in setup_lists["REQUIRES"]}
+    required = {re.match(r"[\w.-]+", text).group() for text in setup_lists["REQUIRES"]}
     assert required <= set(known)
     keys = {element.text for element in manifest.findall("exec_depend")}
     assert keys == {known[name] for name in required} | ROS | {"launch", "launch_ros"}
@@ -109,7 +110,7 @@ def test_executables_are_where_ros2_run_looks():
     config.read(REPOSITORY / "setup.cfg")
     assert config["develop"]["script_dir"] == f"$base/lib/{PACKAGE}"
     assert config["install"]["install_scripts"] == f"$base/lib/{PACKAGE}"
-    entries = re.findall(r'"[\w-]+ = ([\w.]+):main"', (REPOSITORY / "setup.py").read_text())
+    entries = re.findall(r'"[\w.-]+ = ([\w.]+):main"', (REPOSITORY / "setup.py").read_text())
     assert entries
     missing = [name for name in entries if importlib.util.find_spec(name) is None]
     assert not missing

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from garment_sim_ros.errors import InputFileError
@@ -80,9 +80,12 @@ REST = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 def write(tmp_path):
     """Writes messages `(topic, arrival, message)` to a bag and returns its path."""
 
-    def write(messages):
+    def write(messages, plugin="MCAP", compressed="NONE"):
         path = tmp_path / "bag"
-        with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer = Writer(path, version=9, storage_plugin=StoragePlugin[plugin])
+        if compressed != "NONE":
+            writer.set_compression(CompressionMode[compressed], CompressionFormat.ZSTD)
+        with writer:
             connections = {}
             for topic, arrival, content in messages:
                 kind = content.__msgtype__
@@ -130,6 +133,19 @@ def test_reads_what_was_written(write, namespace, step):
     assert skirt.positions == pytest.approx(np.array([REST + i for i in range(FRAMES)]))
     assert recording.quality["skirt"]["step_ms"].tolist() == [0.5 * i for i in range(FRAMES)]
     assert "solver" not in recording.quality["skirt"]
+
+
+@pytest.mark.parametrize("plugin", ["MCAP", "SQLITE3"])
+@pytest.mark.parametrize("compressed", ["FILE", "MESSAGE"])
+def test_reads_what_was_compressed(write, plugin, compressed):
+    path = write(avatar(), plugin, compressed)
+    assert compressed.lower() in (path / "metadata.yaml").read_text()
+    recording = read_recording(path)
+    assert recording.robot_description == "<robot/>"
+    assert recording.joint_values.tolist() == [[i, -i] for i in range(FRAMES)]
+    assert recording.garments["skirt"].positions == pytest.approx(
+        np.array([REST + i for i in range(FRAMES)])
+    )
 
 
 def test_positions_are_kept_of_so_many_frames_only(write):
