@@ -37,7 +37,7 @@ test-slow: $(STAMP) ## The tests that take longer
 	$(PY) -m pytest -m slow
 
 test-machines: $(STAMP) ## The tests as other processors, Pythons and the oldest versions run them
-	$(PY) test/machines.py $(SPREAD) $(ARGS)
+	$(PY) test/machines.py $(ARGS)
 
 test-colcon: $(STAMP) ## `colcon build` and `ros2 run` paths, in a temporary environment
 	$(PY) -m pytest -m slow test/unit/test_package_install.py

@@ -1,6 +1,8 @@
 """Runs the tests as other machines would: other processors, other Pythons, the oldest versions.
 
-`make test-machines` calls it. Interpreters and settings that are not there are skipped and named.
+`make test-machines` calls it: the tests that depend on arithmetic, not those of nodes, one run
+after the other, each in one process. Interpreters and settings that are not there are skipped and
+named. Each run makes its fits anew; only compiled code is shared, which differs by itself.
 """
 
 import argparse
@@ -17,6 +19,7 @@ import numpy as np
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 PYTHONS = ("3.10", "3.11", "3.12", "3.13")
+TESTS = ("test/unit", "test/property", "test/verification")
 
 
 def vector_extensions() -> str:
@@ -79,6 +82,17 @@ def environment(folder: Path, python: str, limits: list[str]) -> Path | None:
     return path
 
 
+def fresh_cache(folder: Path) -> Path:
+    """A cache of files with nothing but compiled code in it, that of the user."""
+    shutil.rmtree(folder, ignore_errors=True)
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    kernels = user / "garment_sim_ros" / "kernels"
+    kernels.mkdir(parents=True, exist_ok=True)
+    (folder / "garment_sim_ros").mkdir(parents=True)
+    (folder / "garment_sim_ros" / "kernels").symlink_to(kernels.absolute())
+    return folder
+
+
 def main() -> int:
     """Run all, or those that are asked for; 1 where one of them failed."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -113,8 +127,11 @@ def main() -> int:
         if path is None:
             results[name] = "FAILED: its versions cannot be installed"
             continue
+        cache = fresh_cache(args.folder / "caches" / name)
         done = subprocess.run(
-            [path, "-m", "pytest", *tests], cwd=REPOSITORY, env={**os.environ, **settings}
+            [path, "-m", "pytest", *(tests or TESTS)],
+            cwd=REPOSITORY,
+            env={**os.environ, **settings, "XDG_CACHE_HOME": str(cache)},
         )
         results[name] = "passed" if done.returncode == 0 else "FAILED"
     print("\n".join(f"{name:28}{result}" for name, result in results.items()))
