@@ -69,14 +69,14 @@ def environment(folder: Path, python: str, limits: list[str]) -> Path | None:
     path = folder / "bin" / "python"
     wanted = (REPOSITORY / "setup.py").read_text()
     if not (stamp.exists() and stamp.read_text() == wanted):
-        subprocess.run([python, "-m", "venv", "--clear", folder], check=True)
+        subprocess.run([python, "-m", "venv", "--clear", folder], check=True, env=outside())
         command = [path, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
         if limits:
             constraints = folder / "constraints.txt"
             constraints.write_text("\n".join(limits) + "\n")
             command += ["--constraint", constraints]
         command += ["--editable", f"{REPOSITORY}[ros,{'test' if limits else 'dev'}]"]
-        if subprocess.run(command).returncode:
+        if subprocess.run(command, env=outside()).returncode:
             return None
         stamp.write_text(wanted)
     return path
@@ -91,6 +91,20 @@ def fresh_cache(folder: Path) -> Path:
     (folder / "garment_sim_ros").mkdir(parents=True)
     (folder / "garment_sim_ros" / "kernels").symlink_to(kernels.absolute())
     return folder
+
+
+def outside() -> dict[str, str]:
+    """The environment without what this interpreter's own ROS libraries put into it.
+
+    Libraries from the package index make it start anew with their folders on the loader's path and
+    a mark that it has been done, which another interpreter would take for its own.
+    """
+    kept = {k: v for k, v in os.environ.items() if k != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
+    own = Path(sys.prefix).resolve()
+    folders = filter(None, kept.pop("LD_LIBRARY_PATH", "").split(os.pathsep))
+    if others := [f for f in folders if not Path(f).resolve().is_relative_to(own)]:
+        kept["LD_LIBRARY_PATH"] = os.pathsep.join(others)
+    return kept
 
 
 def main() -> int:
@@ -131,7 +145,7 @@ def main() -> int:
         done = subprocess.run(
             [path, "-m", "pytest", *(tests or TESTS)],
             cwd=REPOSITORY,
-            env={**os.environ, **settings, "XDG_CACHE_HOME": str(cache)},
+            env={**outside(), **settings, "XDG_CACHE_HOME": str(cache)},
         )
         results[name] = "passed" if done.returncode == 0 else "FAILED"
     print("\n".join(f"{name:28}{result}" for name, result in results.items()))

@@ -29,8 +29,14 @@ from garment_sim_ros.ros.arguments import in_short, plain_numbers
 from garment_sim_ros.ros.diagnostics import Condition, Diagnostics, Rejections
 from garment_sim_ros.ros.inputs import Input, Inputs
 from garment_sim_ros.ros.interfaces import Topic, advertise, advertise_always
-from garment_sim_ros.ros.parameters import NodeParameters, given_names, set_on
-from garment_sim_ros.ros.rclpy_internals import RCLError, Taken, activate, lifecycle_state
+from garment_sim_ros.ros.parameters import NodeParameters, set_on
+from garment_sim_ros.ros.rclpy_internals import (
+    RCLError,
+    Taken,
+    activate,
+    given_names,
+    lifecycle_state,
+)
 from garment_sim_ros.ros.sources import Source
 from garment_sim_ros.ros.ticker import Ticker, Waits, spin
 

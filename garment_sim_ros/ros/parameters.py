@@ -137,12 +137,6 @@ def set_on(
     return list(plain.values()), ""
 
 
-def given_names(node: Node) -> tuple[str, ...]:
-    """Names of the parameters that the command line and parameter files give a node."""
-    # There is no public way to those that the node does not declare.
-    return tuple(getattr(node, "_parameter_overrides", {}))
-
-
 def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 

@@ -1,8 +1,9 @@
 """All that is used of `rclpy` beside its documented interface, in this file alone.
 
 `rclpy` has no call for these: waiting for single subscriptions without an executor, taking a
-message together with its publisher's identity, and the name of a lifecycle state. A test asks
-each of them and names the versions that they were checked with (`CHECKED_WITH`).
+message together with its publisher's identity, the name of a lifecycle state, and the parameters
+that are given to a node and that it does not declare. A test asks each of them and names the
+versions that they were checked with (`CHECKED_WITH`).
 """
 
 import ctypes
@@ -15,6 +16,7 @@ from rclpy.context import Context
 from rclpy.executors import Executor, TimeoutException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
+from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 CHECKED_WITH = ("7.1",)
@@ -104,6 +106,11 @@ def run_ready(executor: Executor) -> bool:
 def lifecycle_state(node: LifecycleNode) -> str:
     """Name of a node's lifecycle state."""
     return str(node._state_machine.current_state[1])
+
+
+def given_names(node: Node) -> tuple[str, ...]:
+    """Names of the parameters that the command line and parameter files give a node."""
+    return tuple(node._parameter_overrides)
 
 
 def activate(publisher: LifecyclePublisher) -> None:

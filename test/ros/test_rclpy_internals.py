@@ -12,6 +12,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
@@ -49,6 +50,7 @@ def test_this_version_has_been_checked():
 
 def test_nothing_else_uses_internals():
     words = ("_implementation", "take_message", "_state_machine", "wait_for_ready", ".handle\n")
+    words += ("_parameter_overrides",)
     package = Path(garment_sim_ros.__file__).parent
     for path in package.rglob("*.py"):
         if path.name != "rclpy_internals.py":
@@ -124,3 +126,11 @@ def test_states_and_late_publishers(node):
     assert not publisher.is_activated
     rclpy_internals.activate(publisher)
     assert publisher.is_activated
+
+
+def test_parameters_that_are_given_and_not_declared(context):
+    given = [Parameter("told", value=1.0)]
+    node = LifecycleNode("given", context=context, parameter_overrides=given)
+    assert rclpy_internals.given_names(node) == ("told",)
+    assert not node.has_parameter("told")
+    node.destroy_node()
