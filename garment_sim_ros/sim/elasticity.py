@@ -101,7 +101,7 @@ def _share(along: FloatArray, across: FloatArray, asked: FloatArray) -> FloatArr
     sums = stress**2
     clear = np.abs(np.linalg.det(sums)) > _CLEAR
     solvable = np.where(clear[:, None, None], sums, np.eye(3))
-    exact = np.linalg.solve(solvable, asked[:, None])[..., 0]
+    exact = np.linalg.solve(solvable, asked[None, :, None])[..., 0]
     clear &= exact.min(axis=1) >= -_ROUNDING * asked.max()
 
     # Strains (warp, weft, shear) with which one edge gets longer and the two others, i and j, stay
