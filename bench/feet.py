@@ -25,7 +25,7 @@ from garment_sim_ros.body.skin import Body
 from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.mocap.sampling import sample
+from garment_sim_ros.mocap.sampling import ClipSampler
 
 BODIES = ("mannequin", "mh_female_young.glb", "CesiumMan.glb")
 LOW, SLOW = (0.03, 0.04), (0.1, 0.15)  # to begin and to go on [m], [m/s]
@@ -52,12 +52,13 @@ def measure(clip: Clip, body: Body, rate: float) -> dict[str, FloatArray]:
     feet = retargeter.feet
     times = np.arange(clip.times[0], clip.times[-1], 1.0 / rate)
     kinematics, skinner = ForwardKinematics(clip.rig), Skinner(body.skin)
+    sampler = ClipSampler(clip)
     main = body.skin.bone[np.arange(len(body.skin.bone)), body.skin.weight.argmax(axis=1)]
     soles = [np.flatnonzero(part[main] == FOOT) for part in feet._part]
     points = []
     skins: dict[str, list[list[FloatArray]]] = {"before": [], "after": []}
     for t in times:
-        q = sample(clip, float(t))
+        q = sampler.sample(float(t))
         T = kinematics.from_dofs(q, clip.T_world_file)[feet._joint]
         points.append((T[..., :3, :3] @ feet._offset[..., None])[..., 0] + T[..., :3, 3])
         for name, time in (("before", None), ("after", float(t))):

@@ -25,7 +25,7 @@ from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.pierced import PiercedMeter
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.mocap.sampling import sample
+from garment_sim_ros.mocap.sampling import ClipSampler
 from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh
 from garment_sim_ros.sim.simulation import Simulation
 
@@ -68,8 +68,9 @@ def run(body_name: str, clip_name: str, outfit: str, seconds: float, solver: dic
         garments = load_outfit(source, body, colliders=colliders).garments
     poser, skinner = ColliderPoser(colliders, body), Skinner(body.skin)
     length = min(seconds, float(clip.times[-1] - clip.times[0]))
+    sampler = ClipSampler(clip)
     joints = [
-        retargeter.world_joints(sample(clip, float(clip.times[0]) + n * FRAME)).copy()
+        retargeter.world_joints(sampler.sample(float(clip.times[0]) + n * FRAME)).copy()
         for n in range(max(2, int(length / FRAME)))
     ]
     path = [poser.poses(T).copy() for T in joints]

@@ -126,9 +126,8 @@ def closes(clip: Clip) -> bool:
 
 def _align_signs(rotations: FloatArray) -> None:
     """Choose of q and -q the one nearer to the sample before, in place."""
-    for k in range(1, len(rotations)):
-        opposite = (rotations[k] * rotations[k - 1]).sum(axis=-1) < 0.0
-        rotations[k, opposite] *= -1.0
+    opposite = np.einsum("kbi,kbi->kb", rotations[1:], rotations[:-1]) < 0.0
+    rotations[1:] *= np.where(np.cumsum(opposite, axis=0) % 2, -1.0, 1.0)[..., None]
 
 
 @kernel()

@@ -12,7 +12,7 @@ from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.mocap.sampling import sample
+from garment_sim_ros.mocap.sampling import ClipSampler
 
 
 @pytest.fixture(scope="module", params=["mannequin:height=1.9", "CesiumMan.glb"])
@@ -36,9 +36,10 @@ def soles(retargeter, body):
 def standing_feet(clip, retargeter, times):
     """Whether each foot of the source stands at each time: low and slow, with hysteresis."""
     feet, kinematics = retargeter.feet, ForwardKinematics(clip.rig)
+    sample = ClipSampler(clip).sample
     points = []
     for t in times:
-        T = kinematics.from_dofs(sample(clip, float(t)), clip.T_world_file)[feet._joint]
+        T = kinematics.from_dofs(sample(float(t)), clip.T_world_file)[feet._joint]
         points.append((T[..., :3, :3] @ feet._offset[..., None])[..., 0] + T[..., :3, 3])
     points = np.array(points)
     speed = np.full(points.shape[:3], np.inf)
@@ -62,6 +63,7 @@ CLIPS = [
 def test_soles_are_on_the_ground_in_one_place_while_they_stand(body, data_file, name):
     clip = load_clip(name if name == "walk" else data_file("mocap", name))
     retargeter, skinner = retargeter_of(clip, body), Skinner(body.skin)
+    sample = ClipSampler(clip).sample
     times = np.arange(clip.times[0], min(clip.times[0] + 3.0, clip.times[-1]), 1 / 60)
     standing = standing_feet(clip, retargeter, times)
     assert standing.sum() > 30
@@ -70,7 +72,7 @@ def test_soles_are_on_the_ground_in_one_place_while_they_stand(body, data_file, 
     for grounded in (False, True):
         skins = []
         for t in times:
-            T = retargeter.world_joints(sample(clip, float(t)), float(t) if grounded else None)
+            T = retargeter.world_joints(sample(float(t)), float(t) if grounded else None)
             x = skinner.vertices(T)
             skins.append([x[sole].copy() for sole in feet])
         heights[grounded] = np.array([skins[k][i][:, 2].min() for k, i in np.argwhere(standing)])
@@ -91,13 +93,14 @@ def test_soles_are_on_the_ground_in_one_place_while_they_stand(body, data_file, 
 def test_soles_stay_in_one_place_at_any_rate(body, rate):
     clip = load_clip("walk")
     retargeter, skinner = retargeter_of(clip, body), Skinner(body.skin)
+    sample = ClipSampler(clip).sample
     times = np.arange(0.0, 3.0, 1 / rate)
     standing = standing_feet(clip, retargeter, times)
     feet = soles(retargeter, body)
     slides = []
     last = None
     for k, t in enumerate(times):
-        x = skinner.vertices(retargeter.world_joints(sample(clip, float(t)), float(t))).copy()
+        x = skinner.vertices(retargeter.world_joints(sample(float(t)), float(t))).copy()
         for i in np.flatnonzero(standing[k] & standing[k - 1]) if k else ():
             sole = feet[i]
             near = sole[x[sole, 2] < x[sole, 2].min() + 0.02]
@@ -129,13 +132,14 @@ def test_a_body_in_its_own_motion_keeps_its_pose():
 
 def test_the_rate_does_not_matter(body):
     clip = load_clip("walk")
+    sample = ClipSampler(clip).sample
     end = 1.5
     found = {}
     for rate in (30, 60, 120, 1000):
         retargeter = retargeter_of(clip, body)
         poses = {}
         for k in range(round(end * rate) + 1):
-            T = retargeter.world_joints(sample(clip, k / rate), k / rate)
+            T = retargeter.world_joints(sample(k / rate), k / rate)
             if k * 10 % rate == 0 and k >= PAST * rate:
                 poses[k * 10 // rate] = T[:, :3, 3].copy()
         found[rate] = np.array([poses[k] for k in sorted(poses)])
@@ -148,8 +152,9 @@ def test_the_rate_does_not_matter(body):
 def test_what_was_before_does_not_matter_after_some_steps(body):
     clip = load_clip("walk")
     watched, late = retargeter_of(clip, body), retargeter_of(clip, body)
+    sample = ClipSampler(clip).sample
     for k in range(210):
-        q, t = sample(clip, k / 60), k / 60
+        q, t = sample(k / 60), k / 60
         T = watched.world_joints(q, t).copy()
         if k >= 40:
             other = late.world_joints(q, t)
@@ -166,13 +171,12 @@ def test_poses_go_on_without_a_jerk(body):
     """Joints' accelerations stay those of a body: no joint leaves its place within a sample."""
     clip = load_clip("walk")
     retargeter = retargeter_of(clip, body)
+    sample = ClipSampler(clip).sample
     times = np.arange(0.0, 3.0, 1 / 60)
     x = {
         grounded: np.array(
             [
-                retargeter.world_joints(sample(clip, t), float(t) if grounded else None)[
-                    :, :3, 3
-                ].copy()
+                retargeter.world_joints(sample(t), float(t) if grounded else None)[:, :3, 3].copy()
                 for t in times
             ]
         )
