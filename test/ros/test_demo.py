@@ -1,5 +1,6 @@
 """The demo as a newcomer runs it: three real processes, a bag, figures and pictures."""
 
+import colorsys
 import json
 import os
 import shutil
@@ -9,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import psutil
 import pytest
 from PIL import Image
@@ -20,10 +22,11 @@ pytest.importorskip("embreex")
 pytestmark = pytest.mark.ros
 
 COMMAND = [sys.executable, "-m", "garment_sim_ros.cli.main", "demo"]
+GARMENTS = ("tshirt", "skirt")
 TOPICS = {
     *("/joint_states", "/robot_description", "/root_pose", "/quality"),
     *("/collider_poses", "/collider_description", "/collider_markers"),
-    *(f"/garments/{g}/{t}" for g in ("tshirt", "skirt") for t in ("points", "mesh", "topology")),
+    *(f"/garments/{g}/{t}" for g in GARMENTS for t in ("points", "mesh", "topology")),
 }
 FIGURES = {
     *("frames", "rate_hz", "late_frames", "step_ms_median", "step_ms_p95"),
@@ -43,6 +46,21 @@ def nodes_of(folder: Path) -> list[psutil.Process]:
     return found
 
 
+def hue_of_marker(reader: AnyReader, topic: str) -> float:
+    """Hue of a marker's colour, 0 to 1."""
+    connections = [c for c in reader.connections if c.topic == topic]
+    connection, _, data = next(reader.messages(connections))
+    colour = reader.deserialize(data, connection.msgtype).color
+    return colorsys.rgb_to_hsv(colour.r, colour.g, colour.b)[0]
+
+
+def rows_of_hue(picture: Image.Image, hue: float) -> np.ndarray:
+    """Rows of a picture's pixels that have a hue, within 6 degrees, and are far from grey."""
+    found = np.asarray(picture.convert("HSV"), np.float64) / 255.0
+    away = np.abs((found[..., 0] - hue + 0.5) % 1.0 - 0.5)
+    return np.nonzero((away < 6 / 360) & (found[..., 1] > 0.3))[0]
+
+
 def test_demo_leaves_bag_figures_and_pictures(tmp_path):
     out = tmp_path / "out"
     words = [*COMMAND, "--seconds", "2", "--out", str(out), "--json"]
@@ -54,19 +72,24 @@ def test_demo_leaves_bag_figures_and_pictures(tmp_path):
     assert json.loads(done.stdout.splitlines()[-1]) == summary
     assert set(summary) >= FIGURES
     assert summary["finite"] is True
-    assert set(summary["garments"]) == {"tshirt", "skirt"}
+    assert set(summary["garments"]) == set(GARMENTS)
     for garment in summary["garments"].values():
         assert garment["vertices"] > 1000
         assert 0.0 < garment["pinned_share"] < 0.1
 
     with AnyReader([out / "bag"]) as reader:
         counts = {c.topic: c.msgcount for c in reader.connections}
+        hues = {name: hue_of_marker(reader, f"/garments/{name}/mesh") for name in GARMENTS}
     assert {topic for topic, count in counts.items() if count} >= TOPICS
     # How many there are in two seconds says how fast and busy the machine is, no more.
-    frames = min(counts[f"/garments/{name}/points"] for name in ("tshirt", "skirt"))
+    frames = min(counts[f"/garments/{name}/points"] for name in GARMENTS)
     assert summary["frames"] == frames > 1
     with Image.open(out / "preview.png") as picture:
         assert picture.width > 3 * picture.height / 2
+        rows = {name: rows_of_hue(picture, hue) for name, hue in hues.items()}
+    # Each is drawn in the colour that its topic has: the shirt above the skirt.
+    assert all(len(found) > 0.005 * picture.width * picture.height for found in rows.values())
+    assert np.median(rows["tshirt"]) < np.median(rows["skirt"]) - 0.1 * picture.height
     with Image.open(out / "preview.gif") as film:
         assert film.n_frames > 1
     assert (out / "preview.gif").stat().st_size < 3e6
