@@ -22,6 +22,9 @@ MAX_YAML_VALUES = 200_000
 MAX_YAML_DEPTH = 64
 
 _LONGEST_INTEGER = 20
+_LONG = 2**20
+"""A call for each number takes long, but without any no other thread runs until all are read; from
+so many characters on, that would be felt."""
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 _HUGE = re.compile(r"[eE]\+?\d{3}")
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast where it is there
@@ -44,7 +47,7 @@ def parse_json(text: str) -> Any:
             text,
             object_pairs_hook=_unique_keys,
             parse_constant=_refused,
-            parse_float=_finite if _HUGE.search(text) else None,  # a call for each takes long
+            parse_float=_finite if len(text) > _LONG or _HUGE.search(text) else None,
             parse_int=_integer,
         )
         if _SURROGATE.search(text):

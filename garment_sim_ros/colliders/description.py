@@ -24,7 +24,7 @@ from garment_sim_ros.input_file import read_text
 from garment_sim_ros.plain_data import PlainDataError, number_kinds, parse_json
 
 VERSION = 1
-MAX_TEXT = 64 * 2**20
+MAX_TEXT = 16 * 2**20
 """Longest text that is parsed, in characters."""
 MAX_COLLIDERS = 4096
 MAX_NAME = 256

@@ -25,7 +25,7 @@ TOO_MANY = "too_many"
 
 MAX_NAMES = 4096
 MAX_POSES = 4096
-MAX_TEXT = 64 * 2**20
+MAX_TEXT = 16 * 2**20
 """Longest text of a message that is one [bytes]."""
 MAX_NAME = 1024
 """Longest name in a message [bytes]."""

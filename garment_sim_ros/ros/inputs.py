@@ -18,7 +18,7 @@ from garment_sim_ros.stamps import SECOND
 
 UNUSABLE = "unusable"
 _MOST_AT_ONCE = 100
-_MOST_BYTES = 128 * 2**20
+_MOST_BYTES = 32 * 2**20
 
 
 class Input:

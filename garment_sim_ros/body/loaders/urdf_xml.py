@@ -4,7 +4,7 @@ from xml.etree.ElementTree import Element, ParseError
 
 import numpy as np
 from defusedxml.common import DefusedXmlException
-from defusedxml.ElementTree import fromstring
+from defusedxml.ElementTree import DefusedXMLParser
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.arrays import FloatArray
@@ -13,6 +13,7 @@ from garment_sim_ros.errors import InputFileError
 MAX_TEXT = 16 * 2**20
 """Longest URDF that is parsed [characters]."""
 MAX_TAGS = 500_000
+_PIECE = 2**20
 MAX_DISTANCE = 1e4
 """Farthest from its parent that a joint or a shape may be [m]."""
 
@@ -28,7 +29,11 @@ def root_element(text: str, source: str) -> Element:
     if text.count("<") > MAX_TAGS:
         raise InputFileError(source, f"has {text.count('<')} tags", f"allowed: {MAX_TAGS}")
     try:
-        robot = fromstring(text, forbid_dtd=True)
+        parser = DefusedXMLParser(forbid_dtd=True)
+        # In pieces: while one is parsed, no other thread of the process runs.
+        for start in range(0, len(text), _PIECE):
+            parser.feed(text[start : start + _PIECE])
+        robot = parser.close()
     except (ParseError, DefusedXmlException, ValueError) as error:
         raise InputFileError(
             source, f"is not usable XML ({error})", "allowed: URDF without DTD or entities"
