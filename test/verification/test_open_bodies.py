@@ -16,11 +16,22 @@ from garment_sim_ros.geometry.topology import boundary_loops, vertex_normals
 
 SIDES = ("left", "right")
 EXTREMITIES = ("neck", "head", *(f"{s}{part}" for s in SIDES for part in ("Hand", "Foot")))
+CUTS = {
+    "neck": ("neck", "head"),
+    "wrists": ("leftHand", "rightHand"),
+    "ankles": ("leftFoot", "rightFoot"),
+    "all": EXTREMITIES,
+}
+OPENINGS = {"neck": 1, "wrists": 2, "ankles": 2, "all": 5}
+FILES = (
+    *("mannequin", "bodies/mh_female_young.glb", "bodies/CesiumMan.glb"),
+    *("bodies/makehuman/base.obj", "urdf/human_1m65.urdf"),
+)
 
 
 def without(body, bones):
     """The body without the skin that follows some bones."""
-    gone = Measures(body).share(*bones) > 0.5
+    gone = Measures(body).share(*(b for b in bones if b in body.humanoid)) > 0.5
     used, triangles = np.unique(
         body.skin.triangles[~gone[body.skin.triangles].any(axis=1)], return_inverse=True
     )
@@ -34,14 +45,19 @@ def without(body, bones):
     return dataclasses.replace(body, skin=skin)
 
 
-@pytest.mark.parametrize("file", ["mannequin", "mh_female_young.glb", "CesiumMan.glb"])
-def test_a_shirt_on_a_body_without_head_hands_and_feet(data_file, file):
-    body = load_body(file if file == "mannequin" else data_file("bodies", file))
-    body = without(body, EXTREMITIES)
-    assert len(boundary_loops(body.skin.triangles)) == 5
-    generator = GENERATORS["tshirt"]
-    mesh, _ = generator.make(Measures(body), generator.options())
-    assert len(boundary_loops(mesh.triangles)) == 4
+@pytest.mark.parametrize(
+    "cut", [pytest.param(c, marks=() if c == "all" else pytest.mark.slow) for c in CUTS]
+)
+@pytest.mark.parametrize("file", FILES)
+def test_every_garment_on_a_body_that_is_cut_open(data_file, file, cut):
+    body = load_body(file if file == "mannequin" else data_file(*file.split("/")))
+    body = without(body, CUTS[cut])
+    if not file.endswith(".urdf"):  # its parts are closed, each by itself
+        assert len(boundary_loops(body.skin.triangles)) == OPENINGS[cut]
+    measures = Measures(body)
+    for name, openings in (("short_skirt", 2), ("long_skirt", 2), ("tshirt", 4)):
+        mesh, _ = GENERATORS[name].make(measures, GENERATORS[name].options())
+        assert len(boundary_loops(mesh.triangles)) == openings
 
 
 def shells(body, groups, scale):
