@@ -15,13 +15,20 @@ from garment_sim_ros.params import Material
 REPOSITORY = Path(__file__).resolve().parents[1]
 
 
-def pytest_configure() -> None:
-    """Hear SIGINT, and so do the processes that tests start.
+def pytest_configure(config: pytest.Config) -> None:
+    """Hear SIGINT, and so do the processes that tests start; let files be spread in our order.
 
-    A runner in the background of a shell ignores it, and what it starts would, too.
+    A runner in the background of a shell ignores SIGINT, and what it starts would, too. And
+    pytest-xdist would begin with the files of most tests, which are not those that take longest.
     """
+    config.option.loadscopereorder = False
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests of nodes first: they take longest, and the last file keeps one worker busy alone."""
+    items.sort(key=lambda item: item.path.parent.name != "ros")
 
 
 @pytest.fixture(scope="session")
