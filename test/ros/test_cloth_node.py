@@ -170,10 +170,11 @@ def feeder(probe, avatar):
 
 @pytest.fixture
 def running(feeder, reach):
-    """Input that runs, and cloth that follows it."""
+    """Input that runs, and cloth that follows it; both rest while other nodes are tested."""
     feeder.start()
     reach()
-    return feeder
+    yield feeder
+    feeder.stop()
 
 
 @pytest.fixture
