@@ -251,6 +251,10 @@ SCHEMES = {
         ("Left", "Right"),
     ),
 }
+SCHEMES["Rigify, original"] = tuple(
+    part.replace("DEF-", "ORG-") if isinstance(part, str) else part
+    for part in SCHEMES["Rigify, deforming"]
+)
 
 
 def split(text):
