@@ -1,6 +1,7 @@
 """Small files made to take hours or all memory, and those that readers once fell over."""
 
 import json
+import re
 import resource
 import signal
 import sqlite3
@@ -55,8 +56,10 @@ def _bounded():
 
 
 def refused(read, *args, match="."):
-    with pytest.raises(InputFileError, match=match) as error:
+    with pytest.raises(InputFileError) as error:
         read(*args)
+    # Without folders: that of a test is named after it and may hold any of these words.
+    assert re.search(match, re.sub(r"\S*/", "", str(error.value)))
     assert str(error.value).isprintable()
     assert len(str(error.value)) < 5000
 
