@@ -63,7 +63,7 @@ def rows_of_hue(picture: Image.Image, hue: float) -> np.ndarray:
 
 def test_demo_leaves_bag_figures_and_pictures(tmp_path):
     out = tmp_path / "out"
-    words = [*COMMAND, "--seconds", "2", "--out", str(out), "--json"]
+    words = [*COMMAND, "--seconds", "1", "--out", str(out), "--json"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert not nodes_of(out)
@@ -81,7 +81,7 @@ def test_demo_leaves_bag_figures_and_pictures(tmp_path):
         counts = {c.topic: c.msgcount for c in reader.connections}
         hues = {name: hue_of_marker(reader, f"/garments/{name}/mesh") for name in GARMENTS}
     assert {topic for topic, count in counts.items() if count} >= TOPICS
-    # How many there are in two seconds says how fast and busy the machine is, no more.
+    # How many there are in a second says how fast and busy the machine is, no more.
     frames = min(counts[f"/garments/{name}/points"] for name in GARMENTS)
     assert summary["frames"] == frames > 1
     with Image.open(out / "preview.png") as picture:
