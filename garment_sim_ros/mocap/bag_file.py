@@ -19,12 +19,12 @@ from rosbags.rosbag2 import Reader
 
 from garment_sim_ros.errors import GarmentSimError, InputFileError
 from garment_sim_ros.input_file import checked_size, exists, is_folder
-from garment_sim_ros.mocap.bag_compression import (
+from garment_sim_ros.mocap.plain_bag import (
     ENDING,
     FORMAT,
     MODES,
+    plain_recording,
     unpacked_message,
-    without_compression,
 )
 from garment_sim_ros.plain_data import read_yaml
 
@@ -94,9 +94,9 @@ def opened_bag(path: str | Path) -> Iterator[Bag]:
             mode = _compression(Path(path) / "metadata.yaml", about)
             most = _EXPANSION * _checked_sizes(path, files, mode) + _FREE_BYTES
             folder, stored = Path(path), files
-            if mode != "none":
+            if about:
                 folder, stored = stack.enter_context(
-                    without_compression(about, files, min(most, MAX_BYTES))
+                    plain_recording(about, files, min(most, MAX_BYTES))
                 )
             left = most
             for file, named in zip(stored, files):
@@ -160,8 +160,8 @@ def _checked_sizes(path: str | Path, files: list[Path], mode: str) -> int:
     total = 0
     for file in files:
         total += checked_size(file, limit=MAX_BYTES)
-        name = Path(file.name.removesuffix(ENDING) if mode == "file" else file.name)
-        if name.suffix not in (".mcap", ".db3"):
+        packed = ENDING if mode == "file" else ""
+        if not file.name.endswith((f".mcap{packed}", f".db3{packed}")):
             raise InputFileError(file, f"has the ending {file.suffix!r}", _ALLOWED)
     if total > MAX_BYTES:
         raise InputFileError(path, f"has {total} bytes", f"allowed: at most {MAX_BYTES}")

@@ -456,14 +456,16 @@ def test_compressed_messages_that_grow(bag):
     refused(read_recording, file.parent, match="grow")
 
 
-@pytest.mark.parametrize("compressed", ["FILE", "MESSAGE"])
-def test_what_is_not_compressed_as_it_says(bag, compressed):
+@pytest.mark.parametrize(
+    ("compressed", "words"), [("FILE", "has the ending"), ("MESSAGE", "not Zstandard")]
+)
+def test_what_is_not_compressed_as_it_says(bag, compressed, words):
     file = bag("SQLITE3")
     metadata = file.parent / "metadata.yaml"
     text = metadata.read_text()
     changed = text.replace("compression_format: ''", "compression_format: zstd")
     written(metadata, changed.replace("compression_mode: ''", f"compression_mode: {compressed}"))
-    refused(load_clip, file.parent)
+    refused(load_clip, file.parent, match=words)
     written(metadata, changed.replace("compression_mode: ''", "compression_mode: lines"))
     refused(load_clip, file.parent, match="compression_mode 'lines'")
     changed = text.replace("compression_format: ''", "compression_format: lz4")

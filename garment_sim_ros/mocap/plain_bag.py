@@ -1,8 +1,9 @@
-"""Recordings of which whole files or single messages are compressed, unpacked within limits.
+"""Recordings as the library that reads them is to see them: small metadata, nothing compressed.
 
-The library that reads them unpacks without a limit. So it is handed a folder beside the recording
-that says nothing of compression: compressed files are unpacked into it, others are linked. What
-is compressed by message is unpacked as it is read. Format: rosbag2's metadata; Zstandard.
+It unpacks without a limit, and takes a second for every 100 kB of metadata. So it is handed a
+folder of its own, with what it needs of them: compressed files are unpacked into it, others are
+linked. What is compressed by message is unpacked as it is read. Format: rosbag2's metadata;
+Zstandard.
 """
 
 import json
@@ -21,13 +22,20 @@ MODES = ("none", "file", "message")
 FORMAT = "zstd"
 
 _STEP = 2**20  # unpacked at once [bytes]
+_MAX_TOPICS = 2000
+_KEYS = (
+    *("version", "storage_identifier", "duration", "starting_time", "message_count"),
+    *("topics_with_message_count", "ros_distro"),
+)
 
 
 @contextmanager
-def without_compression(
+def plain_recording(
     about: dict[str, Any], files: Sequence[Path], most: int
 ) -> Iterator[tuple[Path, list[Path]]]:
     """A folder like a recording's, with files as they were before they were compressed.
+
+    What is compressed by message stays so, and the metadata there do not say it.
 
     Args:
         about: What the recording's metadata says.
@@ -49,8 +57,11 @@ def without_compression(
                 most -= _unpack(file, to, most)
             else:
                 to.symlink_to(file.absolute())
-        changed = {**about, "relative_file_paths": [file.name for file in unpacked]}
-        changed |= {"compression_mode": "", "compression_format": ""}
+        topics = about.get("topics_with_message_count")
+        if isinstance(topics, list) and len(topics) > _MAX_TOPICS:
+            raise ValueError(f"metadata with {len(topics)} topics, over {_MAX_TOPICS}")
+        changed = {key: about[key] for key in _KEYS if key in about}
+        changed["relative_file_paths"] = [file.name for file in unpacked]
         (folder / "metadata.yaml").write_text(  # JSON is YAML
             json.dumps({"rosbag2_bagfile_information": changed})
         )
