@@ -12,6 +12,7 @@ from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.params import Material
 
+_LONGEST_NAME = 60
 REPOSITORY = Path(__file__).resolve().parents[1]
 
 
@@ -29,6 +30,13 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Tests of nodes first: they take longest, and the last file keeps one worker busy alone."""
     items.sort(key=lambda item: item.path.parent.name != "ros")
+
+
+def pytest_make_parametrize_id(val: object) -> str | None:
+    """Short names for long values: whole files, 50,000 brackets."""
+    if isinstance(val, str | bytes) and len(val) > _LONGEST_NAME:
+        return f"{ascii(val[:_LONGEST_NAME])}..."
+    return None
 
 
 @pytest.fixture(scope="session")
