@@ -35,7 +35,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_make_parametrize_id(val: object) -> str | None:
     """Short names for long values: whole files, 50,000 brackets."""
     if isinstance(val, str | bytes) and len(val) > _LONGEST_NAME:
-        return f"{ascii(val[:_LONGEST_NAME])}..."
+        return f"{val[:_LONGEST_NAME]!a}..."
     return None
 
 
