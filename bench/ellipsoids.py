@@ -45,7 +45,7 @@ from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.params import EllipsoidSettings
-from garment_sim_ros.sim.state import ColliderState
+from garment_sim_ros.sim.colliders import ColliderState
 
 TABLE_2 = (
     # name, body, ellipsoids, printed: ref. [19], segmentation, fit [s]

@@ -20,10 +20,14 @@ import numpy as np
 
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.params import Environment, Material, XpbdSettings
+from garment_sim_ros.sim.colliders import ColliderState
+from garment_sim_ros.sim.loop import take_step
 from garment_sim_ros.sim.model import ClothModel, Parameters, build_model
+from garment_sim_ros.sim.piece import Piece
+from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.sim.solvers.relaxation.springs import correct_springs
-from garment_sim_ros.sim.solvers.xpbd import step as xpbd
-from garment_sim_ros.sim.state import ColliderState, State
+from garment_sim_ros.sim.solvers.xpbd.workspace import XpbdWorkspace
+from garment_sim_ros.sim.state import State
 
 COMPILER = ("gcc", "-O3", "-march=x86-64-v3", "-ffast-math", "-shared", "-fPIC")
 SOURCE = Path(__file__).with_suffix(".c")
@@ -51,7 +55,8 @@ def compiled(folder: str) -> ctypes.CDLL:
 def sub_step_per_sweep(model: ClothModel, rounds: int, sub_steps: int = 20) -> float:
     """Median time of an `xpbd` sub-step over that of a sweep, timed in turns."""
     state = State.at(model, model.rest[np.argsort(model.vertex)], np.zeros(3))
-    workspace = xpbd.XpbdWorkspace.room_for(model, 0)
+    workspace = XpbdWorkspace.room_for(model, 0)
+    cloth = Piece(model=model, state=state, workspace=workspace)
     colliders = ColliderState.of(ColliderSet(colliders=()))
     settings = XpbdSettings(sub_step=1 / 60 / sub_steps, search_every=10)
     params = Parameters(environment=Environment(), settings=settings)
@@ -61,7 +66,7 @@ def sub_step_per_sweep(model: ClothModel, rounds: int, sub_steps: int = 20) -> f
     ratio = np.zeros(rounds)
     for n in range(-3, rounds):
         t0 = time.perf_counter()
-        xpbd.step(model, colliders, params, state, workspace, 1 / 60)
+        take_step(SOLVERS["xpbd"], [cloth], [], colliders, params, 1 / 60)
         t1 = time.perf_counter()
         correct_springs(x, *arrays, sub_steps)
         if n >= 0:

@@ -54,6 +54,42 @@ class PackedShapes(NamedTuple):
     grids: PackedGrids | None
 
 
+class Bounds(NamedTuple):
+    """What of packed shapes `pose_shapes` needs.
+
+    Attributes:
+        collider: As in `PackedShapes`.
+        bound: Likewise.
+        box: Likewise.
+    """
+
+    collider: IntArray
+    bound: FloatArray
+    box: FloatArray
+
+    @classmethod
+    def of(cls, shapes: PackedShapes) -> "Bounds":
+        """Those of packed shapes."""
+        return cls(shapes.collider, shapes.bound, shapes.box)
+
+
+class Poses(NamedTuple):
+    """World poses of a collider set of n, for kernels.
+
+    Attributes:
+        position: [m], shape [n, 3].
+        orientation: Unit quaternions, shape [n, 4].
+    """
+
+    position: FloatArray
+    orientation: FloatArray
+
+    @classmethod
+    def of(cls, poses: ColliderPoses) -> "Poses":
+        """The same arrays."""
+        return cls(poses.position, poses.orientation)
+
+
 class PosedShapes(NamedTuple):
     """Shapes at the end of one step, about a local origin; written by `pose`.
 
@@ -207,11 +243,21 @@ def _rotation_of(q, R):
 
 
 @lean_kernel(forceinline=True)
-def pose_shapes(shapes, position0, orientation0, position1, orientation1, origin, scratch, posed):
-    """Fills `posed`; see `pose`. Computes in float64, in `scratch` of shape [3, 3, 3]."""
+def pose_shapes(shapes, start, end, origin, scratch, posed):
+    """Fills `posed`; see `pose`. Computes in float64, in `scratch` of shape [3, 3, 3].
+
+    Args:
+        shapes: `Bounds` or `PackedShapes`.
+        start: `Poses`.
+        end: `Poses`.
+        origin: As in `pose`.
+        scratch: Scratch.
+        posed: Output.
+    """
+    position0, orientation0, position1, orientation1 = start[0], start[1], end[0], end[1]
     R0 = scratch[0]
     R1 = scratch[1]
-    end = scratch[2]
+    ends = scratch[2]
     for k in range(shapes.collider.size):
         i = shapes.collider[k]
         bound = shapes.bound[k]
@@ -222,12 +268,12 @@ def pose_shapes(shapes, position0, orientation0, position1, orientation1, origin
         for r in range(3):
             centre = position1[i, r] - origin[r]
             offset = centre
-            end[0, r] = centre
-            end[1, r] = centre
+            ends[0, r] = centre
+            ends[1, r] = centre
             for c in range(3):
                 posed.rotation[k, r, c] = R1[r, c]
-                end[0, r] += R1[r, c] * bound[c]
-                end[1, r] += R1[r, c] * bound[3 + c]
+                ends[0, r] += R1[r, c] * bound[c]
+                ends[1, r] += R1[r, c] * bound[3 + c]
                 turned = R1[r, 0] * R0[c, 0] + R1[r, 1] * R0[c, 1] + R1[r, 2] * R0[c, 2]
                 posed.carry[k, r, c] = turned - (1.0 if r == c else 0.0)
                 offset -= turned * (position0[i, c] - origin[c])
@@ -239,13 +285,13 @@ def pose_shapes(shapes, position0, orientation0, position1, orientation1, origin
                 posed.box[k, r] = middle - half
                 posed.box[k, 3 + r] = middle + half
             else:
-                posed.box[k, r] = min(end[0, r], end[1, r]) - bound[6]
-                posed.box[k, 3 + r] = max(end[0, r], end[1, r]) + bound[6]
-            squared += (end[1, r] - end[0, r]) ** 2
+                posed.box[k, r] = min(ends[0, r], ends[1, r]) - bound[6]
+                posed.box[k, 3 + r] = max(ends[0, r], ends[1, r]) + bound[6]
+            squared += (ends[1, r] - ends[0, r]) ** 2
         length = np.sqrt(squared)
         for r in range(3):
-            posed.bound[k, r] = end[0, r]
-            posed.bound[k, 3 + r] = (end[1, r] - end[0, r]) / length if length > 0.0 else 0.0
+            posed.bound[k, r] = ends[0, r]
+            posed.bound[k, 3 + r] = (ends[1, r] - ends[0, r]) / length if length > 0.0 else 0.0
         posed.bound[k, 6] = length
         posed.bound[k, 7] = bound[6]
 
@@ -269,13 +315,4 @@ def pose(
         origin: World position that particle positions are relative to [m], shape [3].
         posed: Output.
     """
-    pose_shapes(
-        shapes,
-        start.position,
-        start.orientation,
-        end.position,
-        end.orientation,
-        origin,
-        _SCRATCH,
-        posed,
-    )
+    pose_shapes(Bounds.of(shapes), Poses.of(start), Poses.of(end), origin, _SCRATCH, posed)

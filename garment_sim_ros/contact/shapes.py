@@ -204,6 +204,13 @@ class ColliderPoses:
         np.copyto(self.position, other.position)
         np.copyto(self.orientation, other.orientation)
 
+    def equals(self, other: "ColliderPoses") -> bool:
+        """Whether these are other poses, number for number."""
+        return bool(
+            (self.position == other.position).all()
+            and (self.orientation == other.orientation).all()
+        )
+
     def copy(self) -> "ColliderPoses":
         """An independent copy."""
         return ColliderPoses(position=self.position.copy(), orientation=self.orientation.copy())

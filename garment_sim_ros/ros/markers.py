@@ -11,7 +11,7 @@ from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix
 from garment_sim_ros.ros.serialize import PosedMarkers
-from garment_sim_ros.sim.state import ColliderState
+from garment_sim_ros.sim.colliders import ColliderState
 
 _COLOUR = ColorRGBA(r=0.35, g=0.55, b=0.85, a=0.35)
 _DIRECTIONS = 60

@@ -1,9 +1,39 @@
 """Time integration of free particles, and the way of pinned ones."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from garment_sim_ros.geometry.transforms import rotate
 from garment_sim_ros.jit import kernel
+from garment_sim_ros.params import Material
+from garment_sim_ros.sim.model import ClothModel, Parameters
+
+
+def damping_rate(material: Material) -> float:
+    """At which rate velocity dies away, by inner damping and by drag [1/s]."""
+    return material.damping + material.air_drag / material.areal_density
+
+
+def outer_forces(
+    model: ClothModel, params: Parameters, dt: float, push: NDArray[np.float32]
+) -> float:
+    """What outer forces do in a step of dt [s], see `predict`.
+
+    Args:
+        model: The garment.
+        params: Outer forces.
+        dt: Step [s].
+        push: Output, velocity gained [m/s], shape [3].
+
+    Returns:
+        Part of velocity that is kept.
+    """
+    drag = model.material.air_drag / model.material.areal_density
+    keep = 1.0 / (1.0 + dt * damping_rate(model.material))
+    for k in range(3):
+        pull = params.environment.gravity[k] + drag * params.environment.wind[k]
+        push[k] = keep * dt * pull
+    return keep
 
 
 @kernel()
@@ -82,6 +112,19 @@ def update_velocities(
         v[i, 1] = vy
         v[i, 2] = vz
         speed = vx * vx + vy * vy + vz * vz
+        total += speed
+        fastest = max(fastest, speed)
+    motion[0] = total
+    motion[1] = fastest
+
+
+@kernel()
+def measure_motion(v, motion):
+    """Sum and maximum of squared speeds [m^2/s^2] of particles [n, 3], written to motion [2]."""
+    total = 0.0
+    fastest = np.float32(0.0)
+    for p in range(v.shape[0]):
+        speed = v[p, 0] * v[p, 0] + v[p, 1] * v[p, 1] + v[p, 2] * v[p, 2]
         total += speed
         fastest = max(fastest, speed)
     motion[0] = total

@@ -18,18 +18,20 @@ from garment_sim_ros.params import (
     XpbdSettings,
 )
 from garment_sim_ros.sim.arguments import OutfitLike, check_preset, garments_of, parameters_of
+from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.garment_view import GarmentView
 from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.holds.backstop import Backstop
 from garment_sim_ros.sim.holds.leash import Leash
 from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.layers.pair import LayerPair
+from garment_sim_ros.sim.loop import take_step
 from garment_sim_ros.sim.model import ClothModel, Parameters
 from garment_sim_ros.sim.motion import to_file_order
 from garment_sim_ros.sim.placement import GarmentLike, blend, rest_transforms
 from garment_sim_ros.sim.settle import settle
 from garment_sim_ros.sim.solvers import SOLVERS
-from garment_sim_ros.sim.state import ColliderState, State
+from garment_sim_ros.sim.state import State
 from garment_sim_ros.sim.world.collider_motion import ColliderMotion
 from garment_sim_ros.sim.world.root_motion import TakenOut, take_along
 from garment_sim_ros.sim.world.wind_field import Wind, WindOnCloth, check_wind
@@ -108,14 +110,6 @@ class Simulation:
             ]
             for outer in self._worn.values()
         }
-        # Those that meet others, or a limit, step together if the solver can: they then rest.
-        meet: set[str] = set()
-        if self._solver.step_layers is not None:
-            for outer, pairs in self._under.items():
-                if pairs or any(c.within for c in self._worn[outer].constraints):
-                    meet.update((outer, *(inner.garment.name for inner, _ in pairs)))
-        self._together = [worn for name, worn in self._worn.items() if name in meet]
-        self._alone = [worn for name, worn in self._worn.items() if name not in meet]
         self.time = 0.0
         self.outran = 0
         self._view = {n: GarmentView(w, self.origin) for n, w in self._worn.items()}
@@ -277,15 +271,7 @@ class Simulation:
             worn.place(x_world, colliders)
             for _, pair in self._under[worn.garment.name]:
                 pair.forget()
-            worn.health.settling_steps = settle(
-                partial(self._step, worn, held=True),
-                worn.model,
-                colliders,
-                self.parameters,
-                worn.state,
-                worn.workspace,
-                self.solver_step,
-            )
+            worn.health.settling_steps = self._settle(worn)
             worn.watch(colliders, self.solver_step)
 
     def step(self, poses: ColliderPoses | None = None, dt: float = 1 / 60) -> None:
@@ -346,71 +332,63 @@ class Simulation:
         """
         self._motion.check(poses_start)
         self._motion.check(poses_end)
-        dt = self.solver_step if dt is None else dt
-        if not (math.isfinite(dt) and dt > 0.0):
-            raise MessageError("step_not_positive", f"found {dt!r} s; above 0 s is allowed")
-        steps = max(1, math.ceil(dt / self.solver_step - 1e-6))
+        steps = self._steps(dt)
+        h = (self.solver_step if dt is None else dt) / steps
+        everything = tuple(self._worn.values())
         self._follow(poses_start)
         for n in range(steps):
             self._motion.interpolate(poses_start, poses_end, n / steps, (n + 1) / steps)
-            self._take_along(dt / steps)
-            self._acting = self._parameters.in_environment(
-                self._wind.environment(self.time, self._parameters.environment)
-            )
-            if self._together:
-                self._step_together(dt / steps)
-            for worn in self._alone:
-                self._step(
-                    worn,
-                    worn.model,
-                    self._colliders,
-                    self._acting,
-                    worn.state,
-                    worn.workspace,
-                    dt / steps,
-                )
-            for worn in self._worn.values():
-                worn.health.steps += 1
-            self.time += dt / steps
-        for worn in self._worn.values():
-            worn.watch(self._colliders, dt / steps)
-            worn.health.tangled = 0
+            self._take_along(h)
+            self._let_wind_change()
+            self._step(everything, h)
+            self.time += h
         self._at.assign(poses_end)
+        self._watch(steps, h)
+
+    def _steps(self, dt: float | None) -> int:
+        """How many steps of the solver it takes to advance by dt [s]."""
+        if dt is None:
+            return 1
+        if not (math.isfinite(dt) and dt > 0.0):
+            raise MessageError("step_not_positive", f"found {dt!r} s; above 0 s is allowed")
+        return max(1, math.ceil(dt / self.solver_step - 1e-6))
+
+    def _let_wind_change(self) -> None:
+        """What acts in the next step is the wind as it is now."""
+        self._acting = self._parameters.in_environment(
+            self._wind.environment(self.time, self._parameters.environment)
+        )
+
+    def _watch(self, steps: int, dt: float) -> None:
+        """Takes readings after so many steps of dt [s]."""
+        for worn in self._worn.values():
+            worn.health.steps += steps
+            worn.watch(self._colliders, dt)
+            worn.health.tangled = 0
         for outer, pairs in self._under.items():
             for inner, pair in pairs:
                 of_outer, of_inner = pair.tangled
                 self._worn[outer].health.tangled += of_outer
                 inner.health.tangled += of_inner
 
-    def _step(self, worn: Worn, *args: Any, held: bool = False) -> None:
-        """The solver's step for one garment, and its layer's place over those under it."""
-        self._begin(worn, args[-1])
-        self._solver.step(*args)
-        worn.hold(self._colliders, args[-1])
-        for inner, pair in self._under[worn.garment.name]:
-            if pair.separate(args[-1], held=held):
-                inner.measure()
-                worn.measure()
-
-    def _step_together(self, dt: float) -> None:
-        """The solver's step of dt [s] for all garments that are worn over or under others."""
-        for worn in self._together:
-            self._begin(worn, dt)
-        pairs = [pair for worn in self._together for _, pair in self._under[worn.garment.name]]
+    def _settle(self, worn: Worn) -> int:
+        """Lets one garment come to rest on those under it, which stay; counts the steps."""
+        pairs = [pair for _, pair in self._under[worn.garment.name]]
         for pair in pairs:
-            pair.look()
-        assert self._solver.step_layers is not None
-        self._solver.step_layers(
-            [(worn.model, worn.state, worn.workspace) for worn in self._together],
-            pairs,
-            self._colliders,
-            self._acting,
-            dt,
-            [worn.hold_within for worn in self._together],
-        )
-        for worn in self._together:
-            worn.measure()
-            worn.hold(self._colliders, dt, within=True)
+            pair.keep_inner_still(True)
+        steps = settle(partial(self._step, (worn,)), worn, self.solver_step)
+        for pair in pairs:
+            pair.keep_inner_still(False)
+        return steps
+
+    def _step(self, garments: Sequence[Worn], dt: float) -> None:
+        """A step of dt [s] of some garments on the colliders as they move."""
+        pairs = [pair for worn in garments for _, pair in self._under[worn.garment.name]]
+        for worn in garments:
+            self._begin(worn, dt)
+        take_step(self._solver, garments, pairs, self._colliders, self._acting, dt)
+        for worn in garments:
+            worn.finish(self._colliders, dt)
 
     def _begin(self, worn: Worn, dt: float) -> None:
         """What comes before a garment's step of dt [s], whichever solver it is."""

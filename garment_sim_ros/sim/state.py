@@ -14,13 +14,8 @@ import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, SingleArray
 from garment_sim_ros.contact.collide import Contacts
-from garment_sim_ros.contact.ellipsoid_refit import EllipsoidRefit
-from garment_sim_ros.contact.mesh.skin import SkinContact
-from garment_sim_ros.contact.packed import PackedShapes, PosedShapes, pack, pose
 from garment_sim_ros.contact.papers.earliest.contact import EarliestContact
-from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.contact.sides import Sides
-from garment_sim_ros.contact.sweep import Sweep
 from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.model import ClothModel
 
@@ -60,11 +55,12 @@ class Workspace:
     Attributes:
         x_start: Positions when the step starts [m], shape [n, 3].
         x_predicted: Positions that the outer forces lead to [m], shape [n, 3].
-        push: Velocity that outer forces add in a step [m/s], shape [3].
+        push: Velocity that outer forces add in a sub-step [m/s], shape [3].
+        keep: Part of velocity that is kept in it.
         contacts: Contacts of the free particles in the last step.
         contact_count: Number of free particles in contact in the last step.
         attached: Tethers and soft attachments.
-        limited: Whether limits act after each sub-step, see `constraint.Constraint.within`.
+        limited: Whether distance limits act on the garment.
         earliest: Scratch of contact by the earliest hit; None until a step needs it.
         limits: What the solver does not take as the material has it, in words.
         motion: Sum of squared speeds and highest squared speed after the last step [m^2/s^2],
@@ -79,6 +75,7 @@ class Workspace:
     contact_count: int
     motion: FloatArray
     attached: Attached
+    keep: float = 1.0
     limited: bool = False
     earliest: EarliestContact | None = None
     limits: tuple[str, ...] = ()
@@ -96,62 +93,3 @@ class Workspace:
             motion=np.zeros(2),
             attached=Attached.none(),
         )
-
-
-@dataclass(kw_only=True)
-class ColliderState:
-    """Colliders during one step: shared by all garments.
-
-    Attributes:
-        shapes: The shapes that can be touched.
-        start: World poses of the whole set when the step starts.
-        end: World poses when it ends.
-        thickness: Distance that the set asks cloth to keep [m].
-        origin: World position that particle positions are relative to [m], shape [3].
-        posed: The shapes posed for this step.
-        sweep: What finding those needs that would pass through cloth in one step.
-        refit: Those of them that change with the pose.
-        skin: The exact skin in the place of shapes; None without one.
-    """
-
-    shapes: PackedShapes
-    start: ColliderPoses
-    end: ColliderPoses
-    thickness: float
-    origin: FloatArray
-    posed: PosedShapes
-    sweep: Sweep
-    refit: EllipsoidRefit
-    skin: SkinContact | None = None
-
-    @classmethod
-    def of(
-        cls,
-        colliders: ColliderSet,
-        T_world_rest: FloatArray | None = None,
-    ) -> "ColliderState":
-        """All that one set needs, to be posed; its rest as in `contact.packed.pack`.
-
-        Raises:
-            GeometryError: A collider that cannot be simulated.
-        """
-        shapes = pack(colliders, T_world_rest)
-        has_skin = any(c.kind == "mesh" for c in colliders.colliders)
-        return cls(
-            shapes=shapes,
-            start=ColliderPoses.identity(len(colliders)),
-            end=ColliderPoses.identity(len(colliders)),
-            thickness=colliders.thickness,
-            origin=np.zeros(3),
-            posed=PosedShapes.room_for(shapes),
-            sweep=Sweep.of(colliders, shapes),
-            refit=EllipsoidRefit(colliders, shapes),
-            skin=SkinContact(colliders) if has_skin else None,
-        )
-
-    def pose(self) -> None:
-        """Poses the shapes for the step from `start` to `end`."""
-        pose(self.shapes, self.start, self.end, self.origin, self.posed)
-        self.refit.pose(self.end, self.origin, self.shapes, self.posed)
-        if self.skin is not None:
-            self.skin.move(self.start, self.end, self.origin)

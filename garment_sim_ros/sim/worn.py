@@ -8,6 +8,7 @@ import numpy as np
 from garment_sim_ros.arrays import FloatArray, SingleArray
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.contact.sides import Sides
+from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.holds.attaching import attached_to
 from garment_sim_ros.sim.holds.backstop import Backstop
@@ -15,9 +16,9 @@ from garment_sim_ros.sim.holds.constraint import Constraint
 from garment_sim_ros.sim.holds.leash import Leash
 from garment_sim_ros.sim.holds.letting_go import LettingGo
 from garment_sim_ros.sim.holds.skin_places import SkinPlaces
-from garment_sim_ros.sim.layers.kernels import measure_motion
 from garment_sim_ros.sim.model import ClothModel, build_model
-from garment_sim_ros.sim.motion import carry_pins, shift
+from garment_sim_ros.sim.motion import carry_pins, measure_motion, shift
+from garment_sim_ros.sim.piece import Piece
 from garment_sim_ros.sim.placement import (
     Frames,
     GarmentLike,
@@ -29,40 +30,32 @@ from garment_sim_ros.sim.recovery import Recovery
 from garment_sim_ros.sim.self_collision.garment import SelfCollision
 from garment_sim_ros.sim.sides import shape_sides
 from garment_sim_ros.sim.solvers import Solver
-from garment_sim_ros.sim.state import ColliderState, State, Workspace
+from garment_sim_ros.sim.state import State, Workspace
 
 
 @dataclass(kw_only=True)
-class Worn:
+class Worn(Piece):
     """One garment with all that belongs to it.
 
     Attributes:
         garment: Mesh, material, frames and pins.
         frames: The frames that it rides on.
-        model: Its particles and springs.
-        state: Its motion.
         good: Its motion when the last step began, of which every particle is good.
         recovery: Mends what is not.
-        workspace: Scratch arrays of the solver.
         health: Counts and readings.
         places: Where it would be as skin, None unless a constraint asks.
         letting_go: Looks after cloth that hangs on what passes it by; None if nothing does.
-        constraints: What holds it after each step or sub-step; only what the garment asks for.
         x_world: World positions of its vertices in file order [m], shape [v, 3].
         normal: Their unit normals, shape [v, 3].
     """
 
     garment: GarmentLike
     frames: Frames
-    model: ClothModel
-    state: State
     good: State
     recovery: Recovery
-    workspace: Workspace
     health: Health
     places: SkinPlaces | None
     letting_go: LettingGo | None
-    constraints: tuple[Constraint, ...]
     x_world: SingleArray
     normal: SingleArray
 
@@ -124,34 +117,13 @@ class Worn:
         if self.places is not None:
             self.places.follow(colliders, dt)
 
-    def hold_within(self, left: float, dt: float) -> None:
-        """Lets constraints act after a sub-step of dt [s], `left` seconds before the end."""
-        self.health.held = sum(
-            constraint.hold_within(self.state, left, dt) for constraint in self.constraints
-        )
-
-    def hold(self, colliders: ColliderState, dt: float, *, within: bool = False) -> None:
-        """Sees to it that a step of dt [s] ended well, and lets all constraints act.
-
-        Args:
-            colliders: The colliders in that step.
-            dt: The step [s].
-            within: Whether `hold_within` was called after its sub-steps.
-        """
+    def finish(self, colliders: ColliderState, dt: float) -> None:
+        """Sees to it that a step of dt [s] ended well, and to what comes once in a step."""
         self.check(dt)
-        held = self.health.held if within else 0
-        attached = self.workspace.attached
-        if attached.is_anything:
-            held += int(attached.held[0])
-        for constraint in self.constraints:
-            if not (within and constraint.within):
-                held += constraint.hold(self.state, colliders, dt)
-        self.health.held = held
+        self.health.held = self.held + int(self.workspace.attached.held[0])
         if self.letting_go is not None:
             thickness = max(self.model.material.thickness, colliders.thickness)
             self.letting_go.look(self.state, colliders, thickness)
-        if held:
-            self.measure()
 
     def check(self, dt: float) -> None:
         """Mends what a step of dt [s] broke, as the motion that it measured tells."""

@@ -10,7 +10,7 @@ from naive import naive_self_collision as naive
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.sim.holds.tether_kernels import pull_attached, pull_tethers
 from garment_sim_ros.sim.holds.tethers import Attached
-from garment_sim_ros.sim.layers.kernels import measure_motion
+from garment_sim_ros.sim.motion import measure_motion
 from garment_sim_ros.sim.self_collision.expected_motion import drift, expect
 from garment_sim_ros.sim.self_collision.untangling import mark_tangled, untangle
 

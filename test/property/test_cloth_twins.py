@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from naive import naive
 from scipy.spatial.transform import Rotation
 
+from garment_sim_ros.contact.packed import Poses
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.geometry.transforms import transform_from
 from garment_sim_ros.params import Material
@@ -22,9 +23,9 @@ from garment_sim_ros.sim.motion import (
 )
 from garment_sim_ros.sim.placement import blend
 from garment_sim_ros.sim.solvers.relaxation.springs import correct_springs
-from garment_sim_ros.sim.solvers.xpbd.sub_steps import same_poses
 from garment_sim_ros.sim.state import State
 from garment_sim_ros.sim.strain import StrainMeter
+from garment_sim_ros.sim.world.path import same_poses
 
 SEEDS = st.integers(0, 10**6)
 
@@ -183,9 +184,9 @@ def test_strain_of_edges(cloth, seed, amount):
 def test_poses_are_the_same_if_every_number_is():
     rng = np.random.default_rng(0)
     poses = rng.normal(size=(4, 3)), rng.normal(size=(4, 4))
-    assert same_poses(*poses, *(a.copy() for a in poses))
+    assert same_poses(Poses(*poses), Poses(*(a.copy() for a in poses)))
     for which, array in enumerate(poses):
         for at in np.ndindex(array.shape):
             other = [a.copy() for a in poses]
             other[which][at] = np.nextafter(array[at], np.inf)
-            assert not same_poses(*poses, *other)
+            assert not same_poses(Poses(*poses), Poses(*other))

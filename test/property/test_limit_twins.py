@@ -10,10 +10,11 @@ from naive import naive_limits
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.contact.sides import LET_GO, PASSING, UNDER, Sides
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
+from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.holds import backstop, leash
 from garment_sim_ros.sim.holds.letting_go import LettingGo
 from garment_sim_ros.sim.model import build_model
-from garment_sim_ros.sim.state import ColliderState, State
+from garment_sim_ros.sim.state import State
 
 SEEDS = st.integers(0, 10**6)
 

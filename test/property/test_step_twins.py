@@ -13,14 +13,15 @@ from garment_sim_ros.params import (
     RelaxationSettings,
     XpbdSettings,
 )
+from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.holds.tethers import Attached
+from garment_sim_ros.sim.loop import take_step
 from garment_sim_ros.sim.model import Parameters, build_model
-from garment_sim_ros.sim.solvers.implicit import step as implicit
+from garment_sim_ros.sim.piece import Piece as Cloth
+from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.sim.solvers.implicit.workspace import ImplicitWorkspace, bending_bound
-from garment_sim_ros.sim.solvers.relaxation import step as relaxation
-from garment_sim_ros.sim.solvers.xpbd import step as xpbd
-from garment_sim_ros.sim.solvers.xpbd.step import XpbdWorkspace
-from garment_sim_ros.sim.state import ColliderState, State, Workspace
+from garment_sim_ros.sim.solvers.xpbd.workspace import XpbdWorkspace
+from garment_sim_ros.sim.state import State, Workspace
 
 RADIUS, FRICTION, DAMPING = 0.1, 0.3, 2.0
 WAY = np.array([0.001, -0.0005, 0.002])
@@ -72,7 +73,8 @@ def test_relaxation(scene):
     workspace = Workspace.room_for(model, 1)
     workspace.attached = attached
     params = Parameters(environment=Environment(), settings=RelaxationSettings(sweeps=3))
-    relaxation.step(model, colliders, params, state, workspace, dt)
+    cloth = Cloth(model=model, state=state, workspace=workspace)
+    take_step(SOLVERS["relaxation"], [cloth], [], colliders, params, dt)
     springs = model.springs
     relaxation_step(piece, springs.particles.reshape(-1, 2), springs.rest_length, 3, dt)
     compare(state, piece, dt)
@@ -91,14 +93,9 @@ def test_xpbd(scene, iterations, every, moving):
     workspace.attached = attached
     workspace.motion[0] = 1e3 if moving else 0.0
     settings = XpbdSettings(sub_step=dt, iterations=iterations, search_every=every)
-    xpbd.step(
-        model,
-        colliders,
-        Parameters(environment=Environment(), settings=settings),
-        state,
-        workspace,
-        count * dt,
-    )
+    params = Parameters(environment=Environment(), settings=settings)
+    cloth = Cloth(model=model, state=state, workspace=workspace)
+    take_step(SOLVERS["xpbd"], [cloth], [], colliders, params, count * dt)
     ready = workspace.prepared
     elastic = Elastic(
         edges=ready.edge_particles.reshape(-1, 2).astype(np.int32),
@@ -137,7 +134,8 @@ def test_implicit(scene, iterations):
     share = workspace.share.astype(np.float64)
     settings = ImplicitSettings(sub_step=dt, iterations=iterations)
     params = Parameters(environment=Environment(), settings=settings)
-    implicit.step(model, colliders, params, state, workspace, count * dt)
+    cloth = Cloth(model=model, state=state, workspace=workspace)
+    take_step(SOLVERS["implicit"], [cloth], [], colliders, params, count * dt)
     ready = workspace.cloth
     elastic = Elastic(
         edges=ready.edge_particles.reshape(-1, 2).astype(np.int32),

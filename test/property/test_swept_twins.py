@@ -12,6 +12,7 @@ from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER
 from garment_sim_ros.contact.sweep import Sweep, sweep
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
+from garment_sim_ros.sim.solvers.xpbd.given import Planes
 from garment_sim_ros.sim.solvers.xpbd.planes import (
     remember_planes,
     return_to_planes,
@@ -167,7 +168,8 @@ def test_planes(seed, dt, friction, searched):
     shape, normal, depth = contact_arrays(rng, n, m)
     carry = (0.005 * rng.normal(size=(m, 3, 4))).astype(np.float32)
     place, ride = np.full((2, n, 3), 7.0, np.float32)
-    remember_planes(touched_at, x_start, shape, carry, place, ride)
+    planes = Planes(shape, normal, depth, place, ride)
+    remember_planes(touched_at, x_start, planes, carry)
     inner_radius = rng.uniform(0.02, 0.3, m).astype(np.float32)
     expected = []
     for p in range(n):
@@ -185,7 +187,7 @@ def test_planes(seed, dt, friction, searched):
                 radius = float(inner_radius[shape[p]])
                 at, speed = naive_contact.return_to_plane(*moves, out, radius, friction, float(dt))
         expected.append((at, speed))
-    arrays = (x, v, x_start, shape, normal, depth, place, ride)
+    arrays = (x, v, x_start, planes)
     if searched:
         return_to_planes(*arrays, inner_radius, friction, dt)
     else:
@@ -220,7 +222,8 @@ def test_velocities_after_a_search(seed, dt, friction):
             *(normal[p].astype(np.float64), float(depth[p]), float(friction)),
         )
     motion = np.zeros(2)
-    stop_at_contacts(x, v, x_start, x_before, shape, normal, depth, carry, friction, dt, motion)
+    planes = Planes(shape, normal, depth, *np.zeros((2, n, 3), np.float32))
+    stop_at_contacts(x, v, x_start, x_before, planes, carry, friction, dt, motion)
     np.testing.assert_allclose(v, expected, atol=1e-6 / dt)
     speed = (v.astype(np.float64) ** 2).sum(axis=1)
     assert motion == pytest.approx([speed.sum(), speed.max()], rel=1e-5)

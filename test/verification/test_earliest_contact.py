@@ -10,9 +10,9 @@ from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix
 from garment_sim_ros.params import Environment, RelaxationSettings, XpbdSettings
+from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.state import ColliderState
 
 RADII = np.array([0.3, 0.2, 0.1])
 STILL = ColliderPoses.identity(2)

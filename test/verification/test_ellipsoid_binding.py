@@ -19,7 +19,7 @@ from garment_sim_ros.geometry.transforms import transform_from, transform_points
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.params import EllipsoidSettings
-from garment_sim_ros.sim.state import ColliderState
+from garment_sim_ros.sim.colliders import ColliderState
 
 
 @pytest.fixture(scope="module")

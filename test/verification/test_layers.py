@@ -69,8 +69,10 @@ def test_what_lies_beyond_the_upper_sheet_may_turn_over_it(cloth):
     for particle, belongs_under in ((np.argmin(away), True), (np.argmax(away), False)):
         inner, outer = simulation.state("under").copy(), simulation.state("over").copy()
         inner.x[particle] = [0.003, 0.001, 0.009]
-        touched = LayerPair(under, over, inner, outer).separate(1.0)
-        assert touched == belongs_under
+        pair = LayerPair(under, over, inner, outer)
+        pair.look()
+        pair.find_close(1.0)
+        pair.part()
         assert (inner.x[particle, 2] < 0.008) == belongs_under
 
 

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.solvers.xpbd.sub_steps import _KNOWN
 
 FRAME = 1 / 60
 GEOMETRY = {
@@ -107,7 +106,7 @@ def test_contacts_of_the_step_before_are_known(cloth, speed, rate, layers, limit
     for start, end in itertools.pairwise([1, 2, 3, 4, 5, 7, 9, 12, 13]):
         simulation.advance(at(start * FRAME), at(end * FRAME), (end - start) * FRAME)
         for garment in simulation:
-            assert garment.worn.workspace.flags[_KNOWN] == 1
+            assert garment.worn.workspace.known
         contacts.append(simulation.health("sheet 0").contacts)
     assert max(contacts) > 0
     # Sheets meet, and meet in the last sub-step, which is what could hide the contacts.
@@ -115,5 +114,5 @@ def test_contacts_of_the_step_before_are_known(cloth, speed, rate, layers, limit
     # What is put elsewhere knows nothing.
     simulation.carry(at(13 * FRAME), at(20 * FRAME))
     simulation.advance(at(20 * FRAME), at(21 * FRAME))
-    known = [garment.worn.workspace.flags[_KNOWN] for garment in simulation]
+    known = [garment.worn.workspace.known for garment in simulation]
     assert any(known) == (speed == 0.0)

@@ -49,4 +49,4 @@ def test_stiffer_hinges_have_more_passes(cloth, bending_stiffness, expected):
     model = build_model(garment.name, garment.vertices, garment.triangles, garment.material)
     workspace = XpbdWorkspace.room_for(model, 0)
     workspace.prepare(model, 1 / 1080, 0.0, 6)
-    assert workspace.bending_every == expected
+    assert workspace.bend_every == expected

@@ -13,7 +13,7 @@ from garment_sim_ros.sim.holds.constraint import Constraint
 from garment_sim_ros.sim.holds.skin_places import SkinPlaces
 from garment_sim_ros.sim.holds.skinned import blended
 from garment_sim_ros.sim.placement import GarmentLike
-from garment_sim_ros.sim.state import ColliderState, State
+from garment_sim_ros.sim.state import State
 
 
 class Backstop(Constraint):
@@ -24,8 +24,6 @@ class Backstop(Constraint):
         places: Where its particles would be as skin, followed through each step.
     """
 
-    within = True
-
     def __init__(self, garment: GarmentLike, places: SkinPlaces) -> None:
         assert garment.backstop is not None
         self._places = places
@@ -35,24 +33,11 @@ class Backstop(Constraint):
         self._normal = places.carried(normal, 0.0)
         self._distance = places.of(garment.backstop)
 
-    def hold(self, state: State, colliders: ColliderState, dt: float) -> int:
+    def hold(self, state: State, left: float, dt: float) -> int:
         """Takes forward what has gone too far back, and the velocity that leads on.
 
-        Args:
-            state: Motion of the garment after a step, changed in place.
-            colliders: The colliders in that step.
-            dt: The step [s].
-
-        Returns:
-            Number of particles held.
+        Normals are those of the end of the step.
         """
-        return self._hold(state, 0.0)
-
-    def hold_within(self, state: State, left: float, dt: float) -> int:
-        """See `Constraint.hold_within`; normals are those of the end of the step."""
-        return self._hold(state, left)
-
-    def _hold(self, state: State, left: float) -> int:
         at = self._places
         back = np.float32(left)
         normals = at.T, at.index, self._normal

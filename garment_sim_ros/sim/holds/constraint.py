@@ -1,30 +1,34 @@
-"""What holds a garment after each of the solver's steps, and in sub-steps where garments rest."""
+"""What limits where a garment may be, in every sub-step."""
 
 from abc import ABC, abstractmethod
 
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.sim.state import ColliderState, State
+from garment_sim_ros.sim.state import State
 
 
 class Constraint(ABC):
     """One of them; those that remember something say so in `shift` and `forget`."""
 
-    within = False
-    """Whether it acts after each sub-step instead, in solvers that let it."""
+    once_a_step = False
+    """Whether it acts in the last sub-step of a step only, for the time of the step."""
 
     @abstractmethod
-    def hold(self, state: State, colliders: ColliderState, dt: float) -> int:
-        """Corrects positions and velocities in place; tells how many particles it held."""
-
-    def hold_within(self, state: State, left: float, dt: float) -> int:
-        """The same after a sub-step of dt [s], `left` seconds before the end; 0 by default.
+    def hold(self, state: State, left: float, dt: float) -> int:
+        """Corrects positions and velocities in place after a sub-step.
 
         What is held after whole steps only, edges take back in the first sub-step of the next one,
         with a velocity of its way over a sub-step: what is pulled against a limit never rests.
+
+        Args:
+            state: Motion of the garment, changed in place.
+            left: Time to the end of the step [s].
+            dt: Sub-step [s].
+
+        Returns:
+            Number of particles held.
         """
-        return 0
 
     def shift(self, by: NDArray[np.float32]) -> None:  # noqa: B027
         """The local origin has moved: coordinates change by [m], shape [3]."""

@@ -11,7 +11,7 @@ from garment_sim_ros.jit import kernel
 from garment_sim_ros.sim.holds.constraint import Constraint
 from garment_sim_ros.sim.holds.skin_places import SkinPlaces
 from garment_sim_ros.sim.placement import GarmentLike
-from garment_sim_ros.sim.state import ColliderState, State, Workspace
+from garment_sim_ros.sim.state import State, Workspace
 
 
 class Leash(Constraint):
@@ -23,32 +23,14 @@ class Leash(Constraint):
         workspace: Of its solver; tells where it touches.
     """
 
-    within = True
-
     def __init__(self, garment: GarmentLike, places: SkinPlaces, workspace: Workspace) -> None:
         assert garment.max_distance is not None
         self._places = places
         self._workspace = workspace
         self._limit = places.of(garment.max_distance)
 
-    def hold(self, state: State, colliders: ColliderState, dt: float) -> int:
-        """Takes back what has gone too far, and the velocity that leads on.
-
-        Args:
-            state: Motion of the garment after a step, changed in place.
-            colliders: The colliders in that step.
-            dt: The step [s].
-
-        Returns:
-            Number of particles held.
-        """
-        return self._hold(state, 0.0, 0.0)
-
-    def hold_within(self, state: State, left: float, dt: float) -> int:
-        """See `Constraint.hold_within`."""
-        return self._hold(state, left, dt)
-
-    def _hold(self, state: State, left: float, dt: float) -> int:
+    def hold(self, state: State, left: float, dt: float) -> int:
+        """Takes back what has gone too far, and the velocity that leads on."""
         at, contacts = self._places, self._workspace.contacts
         return int(
             hold(
@@ -80,7 +62,7 @@ def hold(x, v, x_start, shape, normal, place, velocity, left, dt, limit):
             most n.
         velocity: How fast that moves [m/s], shape [f, 3].
         left: How long it is to the end of the step [s].
-        dt: Sub-step [s]; 0 after a whole step.
+        dt: Sub-step [s].
         limit: How far it may be from there [m], shape [f].
 
     Returns:
@@ -127,7 +109,7 @@ def hold(x, v, x_start, shape, normal, place, velocity, left, dt, limit):
             gx, gy, gz = x[p, 0] - x_start[p, 0], x[p, 1] - x_start[p, 1], x[p, 2] - x_start[p, 2]
             speed = v[p, 0] * v[p, 0] + v[p, 1] * v[p, 1] + v[p, 2] * v[p, 2]
             gone = gx * gx + gy * gy + gz * gz
-            if dt > zero and speed * dt * dt > gone:
+            if speed * dt * dt > gone:
                 rate = np.float32(1.0) / dt
                 v[p, 0] = rate * gx
                 v[p, 1] = rate * gy

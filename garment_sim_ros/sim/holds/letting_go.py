@@ -5,13 +5,16 @@ along, would stay there for ever, stretched several times over, and shake. Where
 longer than any fabric bears, what passes a garment by passes through it, until it has got clear.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from garment_sim_ros.contact.distance import shape_distance
 from garment_sim_ros.contact.sides import LET_GO, PASSING, Sides
-from garment_sim_ros.jit import kernel
+from garment_sim_ros.jit import compiled, kernel
+from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.model import ClothModel
-from garment_sim_ros.sim.state import ColliderState, State
+from garment_sim_ros.sim.state import State
 
 _BEARS = 0.5
 """Strain of an edge beyond which its particles are let go of: knitwear breaks at about 1."""
@@ -34,6 +37,7 @@ class LettingGo:
         self._passing = np.flatnonzero((sides.side == PASSING).any(axis=1)).astype(np.int32)
         self._strained = np.zeros(len(model), np.bool_)
         self._gone = np.zeros(model.free_count, np.bool_)
+        self._code: Callable[..., None] | None = None
 
     @property
     def count(self) -> int:
@@ -48,7 +52,7 @@ class LettingGo:
             colliders: The colliders as they were posed last.
             thickness: Distance to keep from surfaces [m].
         """
-        _look(
+        given = (
             state.x,
             self._particles,
             self._longest,
@@ -60,6 +64,9 @@ class LettingGo:
             self._strained,
             self._gone,
         )
+        if self._code is None:
+            self._code = compiled(_look, *given)
+        self._code(*given)
 
     def forget(self) -> None:
         """The garment was put elsewhere: nothing is let go of."""

@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 from garment_sim_ros.arrays import SingleArray
 from garment_sim_ros.geometry.transforms import invert_transform
 from garment_sim_ros.jit import kernel
+from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.holds.skinned import blended, pose_frames
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.placement import Frames, GarmentLike
-from garment_sim_ros.sim.state import ColliderState
 
 
 class SkinPlaces:

@@ -145,27 +145,7 @@ def take_from_neighbours(edges, near):
 
 
 @kernel(forceinline=True)
-def _find_close(
-    x,
-    v,
-    inverse_mass,
-    own,
-    other_x,
-    other_v,
-    other_inverse_mass,
-    triangles,
-    neighbour,
-    near,
-    close,
-    plane,
-    found,
-    side,
-    thickness,
-    friction,
-    reach,
-    way,
-    pushed,
-):
+def find_close_one_way(meeting):
     """Which particles are close to the other garment, and in which planes they meet it.
 
     Each particle follows the triangle that it was nearest to over the mesh. Past the border of the
@@ -176,9 +156,14 @@ def _find_close(
     What is parted there for a while already is left as it is: switched on and off, parting would
     never let it rest.
 
-    The arguments are a `layers.Meeting`; `near`, `close`, `plane`, `found` and `pushed` are
-    changed in place.
+    Args:
+        meeting: `layers.pair.Meeting`; `near`, `close`, `plane`, `found` and `pushed` are changed
+            in place.
     """
+    x, other_x, own = meeting.x, meeting.other_x, meeting.own
+    triangles, neighbour, near = meeting.triangles, meeting.neighbour, meeting.near
+    close, plane, pushed, v = meeting.close, meeting.plane, meeting.pushed, meeting.v
+    side, thickness, reach = meeting.side, meeting.thickness, meeting.reach
     margin = _MARGIN * thickness
     zero = np.float32(0.0)
     many = 0
@@ -262,32 +247,12 @@ def _find_close(
         plane[many, 3] = b
         plane[many, 4] = c
         many += 1
-    found[0] = many
-    found[2] = tangled
+    meeting.found[0] = many
+    meeting.found[2] = tangled
 
 
 @kernel(forceinline=True)
-def _part(
-    x,
-    v,
-    inverse_mass,
-    own,
-    other_x,
-    other_v,
-    other_inverse_mass,
-    triangles,
-    neighbour,
-    near,
-    close,
-    plane,
-    found,
-    side,
-    thickness,
-    friction,
-    reach,
-    way,
-    pushed,
-):
+def part_one_way(meeting):
     """Moves particles to their side of another garment, and that garment away from them.
 
     Where one that is `close` is less than the thickness on its side, it and the triangle's corners
@@ -296,9 +261,15 @@ def _part(
     through an armhole, is pushed more and more weakly, and then left where it is. What velocity
     brings them together is taken away, and slip as far as Coulomb's law allows.
 
-    The arguments are a `layers.Meeting`; positions, velocities, `found` and `pushed` are changed
-    in place.
+    Args:
+        meeting: `layers.pair.Meeting`; positions, velocities, `found` and `pushed` are changed in
+            place.
     """
+    x, v, inverse_mass = meeting.x, meeting.v, meeting.inverse_mass
+    other_x, other_v, triangles = meeting.other_x, meeting.other_v, meeting.triangles
+    other_inverse_mass, near, close = meeting.other_inverse_mass, meeting.near, meeting.close
+    plane, pushed, way, found = meeting.plane, meeting.pushed, meeting.way, meeting.found
+    thickness, friction, reach = meeting.thickness, meeting.friction, meeting.reach
     zero = np.float32(0.0)
     touched = 0
     for n in range(found[0]):
@@ -363,34 +334,14 @@ def _part(
 
 
 @kernel()
-def separate(meeting):
-    """Finds who meets the other garment and parts them once; see `layers.Meeting`."""
-    _find_close(*meeting)
-    _part(*meeting)
-
-
-@kernel()
 def find_close(one_way, other_way):
-    """What `separate` does first, for both `layers.Meeting` of a pair of garments."""
-    _find_close(*one_way)
-    _find_close(*other_way)
+    """`find_close_one_way` for both `layers.pair.Meeting` of a pair of garments."""
+    find_close_one_way(one_way)
+    find_close_one_way(other_way)
 
 
 @kernel()
 def part(one_way, other_way):
-    """What `separate` does then."""
-    _part(*one_way)
-    _part(*other_way)
-
-
-@kernel()
-def measure_motion(v, motion):
-    """Sum and maximum of squared speeds [m^2/s^2] of particles [n, 3], written to motion [2]."""
-    total = 0.0
-    fastest = np.float32(0.0)
-    for p in range(v.shape[0]):
-        speed = v[p, 0] * v[p, 0] + v[p, 1] * v[p, 1] + v[p, 2] * v[p, 2]
-        total += speed
-        fastest = max(fastest, speed)
-    motion[0] = total
-    motion[1] = fastest
+    """`part_one_way` for both."""
+    part_one_way(one_way)
+    part_one_way(other_way)

@@ -25,7 +25,6 @@ from garment_sim_ros.sim.layers.kernels import (
     find_close,
     find_triangles,
     part,
-    separate,
     take_from_neighbours,
 )
 from garment_sim_ros.sim.model import ClothModel
@@ -184,27 +183,17 @@ class LayerPair:
         assert self._code is not None
         self._code[1](*self._meetings)
 
-    def separate(self, dt: float, *, held: bool = False) -> bool:
-        """Looks, finds and parts once, after a step of solvers that do not do so within it.
+    def keep_inner_still(self, still: bool) -> None:
+        """Whether only the outer garment gives way.
 
-        Args:
-            dt: The step [s].
-            held: Whether the inner one stays where it is. It must where it takes no steps of its
-                own: nothing would then pull back what many pushes add up to.
-
-        Returns:
-            Whether they touched.
+        The inner one must stay where it takes no steps of its own: nothing would then pull back
+        what many pushes add up to.
         """
-        self.look()
-        of_outer, of_inner = self._meetings
-        if held:
+        of_outer, of_inner = (meeting for meeting, _ in self._both_ways)
+        if still:
             of_outer = of_outer._replace(other_inverse_mass=self._still)
             of_inner = of_inner._replace(inverse_mass=self._still)
-        for meeting in self._meetings:
-            meeting.way[0] = PARTING_SPEED * dt
-        separate(of_outer)
-        separate(of_inner)
-        return self.touch
+        self._meetings = of_outer, of_inner
 
 
 def _meeting(

@@ -1,16 +1,15 @@
-"""Solvers: one file each, all with the same `step`."""
+"""Solvers: a folder each, all with the same verbs, which `sim.loop` calls."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from garment_sim_ros.params import ImplicitSettings, RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.model import ClothModel, Parameters
+from garment_sim_ros.sim.piece import Piece, Step
 from garment_sim_ros.sim.solvers.implicit import step as implicit
 from garment_sim_ros.sim.solvers.relaxation import step as relaxation
 from garment_sim_ros.sim.solvers.xpbd import step as xpbd
-from garment_sim_ros.sim.state import ColliderState, State, Workspace
-
-Step = Callable[[ClothModel, ColliderState, Parameters, State, Workspace, float], None]
+from garment_sim_ros.sim.state import Workspace
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,38 +17,57 @@ class Solver:
     """One way to advance a garment.
 
     Attributes:
-        step: ``step(model, collider_state, params, state, workspace, dt)``.
-        workspace: Makes the scratch arrays that its step needs for a model and a number of shapes.
+        workspace: Makes the scratch arrays for a model and a number of shapes.
         settings: Its group of numerical parameters.
-        usual_step: The step that those parameters are meant for [s].
-        step_layers: Advances garments over garments that meet within the step, see
-            `xpbd.step_layers`; None where they are parted after it.
+        pace: ``pace(piece, params, dt)``: how many sub-steps the garment needs in a step of
+            dt [s], and how many for each search for contacts.
+        begin: ``begin(piece, step)`` makes ready; tells whether the contacts of the step before
+            still hold.
+        solve: ``solve(piece, step, first, last, searches)``: sub-steps `first` to `last`, without
+            the search for contacts if the last of them `searches`.
+        meet: ``meet(piece, step)``: that search, contact and velocities.
+        finish: ``finish(piece)``, after all sub-steps.
+        usual_step: The step that the default parameters are meant for [s].
     """
 
-    step: Step
     workspace: Callable[[ClothModel, int], Workspace]
     settings: type
+    pace: Callable[[Piece, Parameters, float], tuple[int, int]]
+    begin: Callable[[Piece, Step], bool]
+    solve: Callable[[Piece, Step, int, int, bool], None]
+    meet: Callable[[Piece, Step], None]
+    finish: Callable[[Piece], None]
     usual_step: float = 1 / 60
-    step_layers: Callable[..., None] | None = None
 
 
 SOLVERS: Mapping[str, Solver] = {
     "relaxation": Solver(
-        step=relaxation.step,
         workspace=Workspace.room_for,
         settings=RelaxationSettings,
+        pace=relaxation.pace,
+        begin=relaxation.begin,
+        solve=relaxation.solve,
+        meet=relaxation.meet,
+        finish=relaxation.finish,
         usual_step=1 / 180,
     ),
     "xpbd": Solver(
-        step=xpbd.step,
         workspace=xpbd.XpbdWorkspace.room_for,
         settings=XpbdSettings,
-        step_layers=xpbd.step_layers,
+        pace=xpbd.pace,
+        begin=xpbd.begin,
+        solve=xpbd.solve,
+        meet=xpbd.meet,
+        finish=xpbd.finish,
     ),
     "implicit": Solver(
-        step=implicit.step,
         workspace=implicit.ImplicitWorkspace.room_for,
         settings=ImplicitSettings,
+        pace=implicit.pace,
+        begin=implicit.begin,
+        solve=implicit.solve,
+        meet=implicit.meet,
+        finish=implicit.finish,
     ),
 }
 """Solvers by name."""

@@ -6,12 +6,32 @@ from garment_sim_ros.arrays import FloatArray, SingleArray
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import MessageError
 from garment_sim_ros.geometry.transforms import interpolate_poses
-from garment_sim_ros.sim.state import ColliderState
+from garment_sim_ros.jit import kernel
+from garment_sim_ros.sim.colliders import ColliderState
 
 _FARTHEST_ORIGIN = 1.0
 """The local origin follows when the body is farther away than this [m]."""
 _WORLD_SIZE = 1e6
 """Largest coordinate of a collider that is believed [m]."""
+_OFF_UNIT = 1e-3
+"""How much longer or shorter than 1 a quaternion may be."""
+
+
+@kernel()
+def usable(position, orientation, farthest, off_unit):
+    """Whether positions [n, 3] are `farthest` at most, and quaternions [n, 4] about 1 long.
+
+    Comparisons with NaN are false.
+    """
+    good = True
+    for i in range(position.shape[0]):
+        for k in range(3):
+            good &= abs(position[i, k]) <= farthest
+        squared = 0.0
+        for k in range(4):
+            squared += orientation[i, k] * orientation[i, k]
+        good &= abs(np.sqrt(squared) - 1.0) <= off_unit
+    return good
 
 
 class ColliderMotion:
@@ -50,22 +70,26 @@ class ColliderMotion:
                 f"found positions of shape {poses.position.shape} and orientations of shape "
                 f"{poses.orientation.shape}; the collider set has {n} colliders",
             )
+        if not usable(poses.position, poses.orientation, _WORLD_SIZE, _OFF_UNIT):
+            self._refuse(poses)
+
+    def _refuse(self, poses: ColliderPoses) -> None:
+        """Names what is wrong with poses of the right number."""
         if not (np.isfinite(poses.position).all() and np.isfinite(poses.orientation).all()):
             raise MessageError("poses_not_finite", "found NaN or infinity in collider poses")
-        if n and np.abs(poses.position).max() > _WORLD_SIZE:
+        if np.abs(poses.position).max() > _WORLD_SIZE:
             raise MessageError(
                 "pose_too_far",
                 f"found a coordinate of {np.abs(poses.position).max():.4g} m; up to "
                 f"{_WORLD_SIZE:g} m is allowed",
             )
         norm = np.linalg.norm(poses.orientation, axis=1)
-        if n and (np.abs(norm - 1.0) > 1e-3).any():
-            worst = int(np.argmax(np.abs(norm - 1.0)))
-            raise MessageError(
-                "orientation_not_unit",
-                f"collider {self._set.colliders[worst].name!r} has an orientation of "
-                f"length {norm[worst]:.4g}; 1 is allowed",
-            )
+        worst = int(np.argmax(np.abs(norm - 1.0)))
+        raise MessageError(
+            "orientation_not_unit",
+            f"collider {self._set.colliders[worst].name!r} has an orientation of "
+            f"length {norm[worst]:.4g}; 1 is allowed",
+        )
 
     def stand(self, poses: ColliderPoses) -> None:
         """Colliders stand still, and the local origin is in their middle."""

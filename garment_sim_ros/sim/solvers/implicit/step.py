@@ -17,21 +17,18 @@ import math
 import numpy as np
 
 from garment_sim_ros.contact.collide import collide
-from garment_sim_ros.contact.packed import pose
-from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.contact.sweep import sweep
-from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.params import ImplicitSettings
+from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.elasticity import GRAVITY
 from garment_sim_ros.sim.holds.tether_kernels import pull_tethers
-from garment_sim_ros.sim.layers.kernels import measure_motion
-from garment_sim_ros.sim.model import ClothModel, Parameters
+from garment_sim_ros.sim.model import Parameters
+from garment_sim_ros.sim.motion import damping_rate, measure_motion, outer_forces
+from garment_sim_ros.sim.piece import Piece, Step
 from garment_sim_ros.sim.solvers.implicit.descent import begin_sub_step, find_positions, keep_up
 from garment_sim_ros.sim.solvers.implicit.ties import begin_ties
 from garment_sim_ros.sim.solvers.implicit.velocities import new_velocities
 from garment_sim_ros.sim.solvers.implicit.workspace import ImplicitWorkspace
-from garment_sim_ros.sim.solvers.xpbd.sub_steps import same_poses
-from garment_sim_ros.sim.state import ColliderState, State, Workspace
 
 _SEARCHES = 3
 """For contacts in a sub-step, at most: another one where a solution took cloth past a shape."""
@@ -39,15 +36,81 @@ _BLEND_TIME = 0.2
 """How long a particle's share of free fall is averaged [s]: less, and cloth at rest creeps."""
 
 
-def _assign(poses: ColliderPoses, others: ColliderPoses) -> None:
-    poses.position[:] = others.position
-    poses.orientation[:] = others.orientation
+def pace(piece: Piece, params: Parameters, dt: float) -> tuple[int, int]:
+    """How many sub-steps in a step of dt [s]; each has its search for contacts."""
+    settings = params.settings
+    assert isinstance(settings, ImplicitSettings)
+    return max(1, math.ceil(dt / settings.sub_step - 1e-6)), 1
 
 
-def _stop_the_fast(
-    colliders: ColliderState, state: State, workspace: ImplicitWorkspace, thickness: float
-) -> int:
+def begin(piece: Piece, step: Step) -> bool:
+    """Makes ready for a step: outer forces and the matrix."""
+    model, workspace = piece.model, _workspace(piece)
+    workspace.keep = outer_forces(model, step.params, step.dt, workspace.push)
+    workspace.prepare(model, step.dt, damping_rate(model.material))
+    if not step.colliders.goes_on:
+        workspace.hold.grip[:] = 0.0  # Put somewhere else: what was touched is gone.
+    return True
+
+
+def solve(piece: Piece, step: Step, first: int, last: int, searches: bool) -> None:
+    """One sub-step, but for its velocities.
+
+    A prediction, pins, a search for contacts there, `iterations` steps towards the least energy.
+    Fast shapes stop particles that they would pass, as predicted and as solved. Does not allocate
+    arrays.
+    """
+    _predict(piece, step)
+    for _ in range(_SEARCHES):
+        _search(piece, step.colliders)
+        _descend(piece, step)
+        if not _stop_the_fast(piece, step.colliders):
+            break
+
+
+def meet(piece: Piece, step: Step) -> None:
+    """Velocities, tethers."""
+    model, state, workspace = piece.model, piece.state, _workspace(piece)
+    free = model.free_count
+    workspace.contact_count = new_velocities(
+        state.x[:free],
+        state.v[:free],
+        workspace.x_start,
+        workspace.x_predicted,
+        np.float32(model.material.friction),
+        workspace.push,
+        np.float32(workspace.keep),
+        np.float32(step.dt),
+        np.float32(min(1.0, step.dt / _BLEND_TIME)),
+        workspace.share,
+        workspace.hold,
+        workspace.motion,
+    )
+    if len(workspace.attached.pin):
+        attached = workspace.attached
+        attached.held[0] = pull_tethers(
+            state.x, state.v, attached.pin, attached.length, np.float32(1.0 / step.dt)
+        )
+        measure_motion(state.v[:free], workspace.motion)
+
+
+def finish(piece: Piece) -> None:
+    """Nothing is left to do."""
+
+
+def _workspace(piece: Piece) -> ImplicitWorkspace:
+    workspace = piece.workspace
+    assert isinstance(workspace, ImplicitWorkspace)
+    return workspace
+
+
+def _thickness(piece: Piece, colliders: ColliderState) -> float:
+    return max(piece.model.material.thickness, colliders.thickness)
+
+
+def _stop_the_fast(piece: Piece, colliders: ColliderState) -> int:
     """Stops free particles where they would pass through a shape, see `contact.sweep.sweep`."""
+    state, workspace = piece.state, _workspace(piece)
     free, before, coast = len(workspace.share), workspace.cloth.clear, workspace.coast
     before[:] = state.x
     np.add(state.x, workspace.x_predicted, out=coast)
@@ -59,151 +122,81 @@ def _stop_the_fast(
         state.x[:free],
         workspace.x_start[:free],
         coast[:free],
-        np.float32(thickness),
+        np.float32(_thickness(piece, colliders)),
     )
     if stopped:
         keep_up(state.x, before, workspace.x_predicted)
     return int(stopped)
 
 
-def step(
-    model: ClothModel,
-    colliders: ColliderState,
-    params: Parameters,
-    state: State,
-    workspace: Workspace,
-    dt: float,
-) -> None:
-    """Advances one garment by one step, in equal sub-steps.
+def _predict(piece: Piece, step: Step) -> None:
+    """Free particles coast and fall, pins ride, what a fast shape would pass is stopped."""
+    model, state, workspace = piece.model, piece.state, _workspace(piece)
+    colliders, ties = step.colliders, workspace.ties
+    now = colliders.now
+    assert ties is not None
+    begin_sub_step(
+        state.x,
+        state.v,
+        model.free_count,
+        workspace.x_start,
+        workspace.x_predicted,
+        workspace.share,
+        model.pin_collider,
+        model.pin_position,
+        now.position,
+        now.orientation,
+        colliders.origin,
+        workspace.push,
+        np.float32(workspace.keep),
+        np.float32(step.dt),
+    )
+    _stop_the_fast(piece, colliders)
+    if len(ties.particle):
+        begin_ties(
+            *(state.x, workspace.x_start, workspace.x_predicted, ties),
+            *(now.position, now.orientation, colliders.origin),
+        )
 
-    Each sub-step: a prediction, pins, a search for contacts there, `iterations` steps towards the
-    least energy, velocities, tethers. Fast shapes stop particles that they would pass, as
-    predicted and as solved. Does not allocate arrays after the first step of a length.
 
-    Args:
-        model: The garment.
-        colliders: Colliders at the start and end of the step.
-        params: Outer forces and `ImplicitSettings`.
-        state: Its motion, changed in place.
-        workspace: Its `ImplicitWorkspace`.
-        dt: Step [s].
-    """
-    assert isinstance(workspace, ImplicitWorkspace)
-    settings = params.settings
-    assert isinstance(settings, ImplicitSettings)
-    count = max(1, math.ceil(dt / settings.sub_step - 1e-6))
-    h = dt / count
-    material, environment = model.material, params.environment
-    drag = material.air_drag / material.areal_density
-    rate = material.damping + drag
-    ties = workspace.prepare(model, h, rate)
-    thickness = max(material.thickness, colliders.thickness)
-    lift = workspace.lift
+def _search(piece: Piece, colliders: ColliderState) -> None:
+    """Finds the contacts at the positions as they are."""
+    workspace, free = _workspace(piece), piece.model.free_count
+    clear = workspace.cloth.clear
+    clear[:] = piece.state.x
+    collide(
+        colliders.shapes,
+        colliders.posed,
+        workspace.sides,
+        clear[:free],
+        workspace.x_start[:free],
+        _thickness(piece, colliders) + workspace.lift,
+        0.0,
+        workspace.contacts,
+    )
+
+
+def _descend(piece: Piece, step: Step) -> None:
+    """Goes towards the positions of least energy."""
+    workspace, colliders = _workspace(piece), step.colliders
     # Who is taken along to a speed u in one sub-step, with 19 others (`_WEIGHTS`), gives
     # way by a small part of the radius of a fast shape at most.
-    swift = np.float32(workspace.sink / (GRAVITY * h * h))
-    free, clear = model.free_count, workspace.cloth.clear
-    x_start, behind = workspace.x_start, workspace.x_predicted
-    keep = 1.0 / (1.0 + h * rate)
-    for k in range(3):
-        pull = environment.gravity[k] + drag * environment.wind[k]
-        workspace.push[k] = keep * h * pull
-    start, end, hold = colliders.start, colliders.end, workspace.hold
-    if workspace.between is None:
-        workspace.between = (end.copy(), start.copy())
-    before, after = workspace.between
-    if not same_poses(start.position, start.orientation, after.position, after.orientation):
-        hold.grip[:] = 0.0  # Put somewhere else: what was touched is gone.
-    # One sub-step is the step that the shapes are posed for; what stands still, stands.
-    between_poses = count > 1 and not same_poses(
-        start.position, start.orientation, end.position, end.orientation
+    swift = np.float32(workspace.sink / (GRAVITY * step.dt * step.dt))
+    find_positions(
+        piece.state.x,
+        piece.model.free_count,
+        workspace.x_start,
+        workspace.x_predicted,
+        workspace.cloth.clear,
+        workspace.ties,
+        workspace.cloth,
+        workspace.hold,
+        workspace.past,
+        workspace.contacts,
+        colliders.posed.carry,
+        colliders.sweep.inner_radius,
+        np.float32(piece.model.material.friction),
+        np.float32(workspace.lift),
+        swift,
+        step.params.settings.iterations,
     )
-    _assign(after, start if between_poses else end)
-    for s in range(count):
-        if between_poses:
-            _assign(before, after)
-            interpolate_poses(
-                start.position,
-                start.orientation,
-                end.position,
-                end.orientation,
-                (s + 1) / count,
-                after.position,
-                after.orientation,
-            )
-            pose(colliders.shapes, before, after, colliders.origin, colliders.posed)
-        begin_sub_step(
-            state.x,
-            state.v,
-            free,
-            x_start,
-            behind,
-            workspace.share,
-            model.pin_collider,
-            model.pin_position,
-            after.position,
-            after.orientation,
-            colliders.origin,
-            workspace.push,
-            np.float32(keep),
-            np.float32(h),
-        )
-        _stop_the_fast(colliders, state, workspace, thickness)
-        if len(ties.particle):
-            begin_ties(
-                *(state.x, x_start, behind, ties),
-                *(after.position, after.orientation, colliders.origin),
-            )
-        for _ in range(_SEARCHES):
-            clear[:] = state.x
-            collide(
-                colliders.shapes,
-                colliders.posed,
-                workspace.sides,
-                clear[:free],
-                x_start[:free],
-                thickness + lift,
-                0.0,
-                workspace.contacts,
-            )
-            find_positions(
-                state.x,
-                free,
-                x_start,
-                behind,
-                clear,
-                ties,
-                workspace.cloth,
-                hold,
-                workspace.past,
-                workspace.contacts,
-                colliders.posed.carry,
-                colliders.sweep.inner_radius,
-                np.float32(material.friction),
-                np.float32(lift),
-                swift,
-                settings.iterations,
-            )
-            if not _stop_the_fast(colliders, state, workspace, thickness):
-                break
-        workspace.contact_count = new_velocities(
-            state.x[:free],
-            state.v[:free],
-            x_start,
-            behind,
-            np.float32(material.friction),
-            workspace.push,
-            np.float32(keep),
-            np.float32(h),
-            np.float32(min(1.0, h / _BLEND_TIME)),
-            workspace.share,
-            hold,
-            workspace.motion,
-        )
-        if len(workspace.attached.pin):
-            attached = workspace.attached
-            attached.held[0] = pull_tethers(
-                state.x, state.v, attached.pin, attached.length, np.float32(1.0 / h)
-            )
-            measure_motion(state.v[:free], workspace.motion)
-    _assign(after, end)

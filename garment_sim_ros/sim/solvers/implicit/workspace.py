@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 
 from garment_sim_ros.arrays import FloatArray, IndexArray, IntArray, LongArray, SingleArray
-from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.sim.elasticity import (
     GRAVITY,
     Hinges,
@@ -246,7 +245,6 @@ class ImplicitWorkspace(Workspace):
         coast: Where particles would be without inner forces [m], shape [n, 3].
         pull: Sum of the matrix's stiffnesses at each free particle [N/m], shape [free].
         prepared_for: The sub-step [s] and rate of damping [1/s] that the matrix is for.
-        between: Poses at the start and end of the last sub-step; None before the first.
     """
 
     sink: float
@@ -259,7 +257,6 @@ class ImplicitWorkspace(Workspace):
     coast: SingleArray
     pull: FloatArray
     prepared_for: tuple[float, float]
-    between: tuple[ColliderPoses, ColliderPoses] | None
 
     @classmethod
     def room_for(cls, model: ClothModel, shapes: int) -> "ImplicitWorkspace":
@@ -329,7 +326,6 @@ class ImplicitWorkspace(Workspace):
             coast=np.zeros((len(model), 3), np.float32),
             pull=pull[:n],
             prepared_for=(0.0, 0.0),
-            between=None,
         )
 
     def prepare(self, model: ClothModel, dt: float, rate: float) -> Ties:

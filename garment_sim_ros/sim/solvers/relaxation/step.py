@@ -6,128 +6,167 @@ depends on the step and on the number of sweeps, not on the material's stiffness
 
 import numpy as np
 
+from garment_sim_ros.arrays import SingleArray
 from garment_sim_ros.contact.collide import collide
 from garment_sim_ros.contact.papers.earliest.contact import EarliestContact
 from garment_sim_ros.contact.sweep import sweep
-from garment_sim_ros.sim.layers.kernels import measure_motion
-from garment_sim_ros.sim.model import ClothModel, Parameters
-from garment_sim_ros.sim.motion import carry_pins, predict, update_velocities
+from garment_sim_ros.sim.colliders import ColliderState
+from garment_sim_ros.sim.model import Parameters
+from garment_sim_ros.sim.motion import (
+    carry_pins,
+    measure_motion,
+    outer_forces,
+    predict,
+    update_velocities,
+)
+from garment_sim_ros.sim.piece import Piece, Step
 from garment_sim_ros.sim.solvers.relaxation.springs import correct_springs
-from garment_sim_ros.sim.state import ColliderState, State, Workspace
 
 
-def step(
-    model: ClothModel,
-    colliders: ColliderState,
-    params: Parameters,
-    state: State,
-    workspace: Workspace,
-    dt: float,
-) -> None:
-    """Advances one garment by one step.
+def pace(piece: Piece, params: Parameters, dt: float) -> tuple[int, int]:
+    """One sub-step in each step, with a search for contacts."""
+    return 1, 1
 
-    Outer forces and Verlet, pins, `sweeps` passes over all springs, tethers and soft attachments,
-    collision as an absolute constraint, velocities. Does not allocate arrays.
 
-    Args:
-        model: The garment.
-        colliders: Colliders at the start and end of the step.
-        params: Outer forces and number of sweeps.
-        state: Its motion, changed in place.
-        workspace: Its scratch arrays.
-        dt: Step [s].
-    """
+def begin(piece: Piece, step: Step) -> bool:
+    """Makes ready for a step: outer forces."""
+    workspace = piece.workspace
+    workspace.keep = outer_forces(piece.model, step.params, step.dt, workspace.push)
+    return True
+
+
+def solve(piece: Piece, step: Step, first: int, last: int, searches: bool) -> None:
+    """Outer forces and Verlet, pins, sweeps over all springs, tethers and soft attachments."""
+    _predict(piece, step.colliders, np.float32(step.dt))
+    _correct(piece, step)
+
+
+def meet(piece: Piece, step: Step) -> None:
+    """Contact as an absolute constraint, and velocities. Does not allocate arrays."""
+    model, state, workspace = piece.model, piece.state, piece.workspace
+    if step.params.settings.contact == "earliest":
+        _meet_earliest(piece, step)
+        return
+    carry = _meet(piece, step.colliders)
+    free, contacts = model.free_count, workspace.contacts
+    update_velocities(
+        state.x[:free],
+        state.v[:free],
+        workspace.x_start[:free],
+        workspace.x_predicted[:free],
+        contacts.shape,
+        contacts.normal,
+        carry,
+        np.float32(step.dt),
+        workspace.motion,
+    )
+
+
+def finish(piece: Piece) -> None:
+    """Nothing is left to do."""
+
+
+def _predict(piece: Piece, colliders: ColliderState, h: np.float32) -> None:
+    """Free particles fall, pins ride."""
+    model, state, workspace = piece.model, piece.state, piece.workspace
     free = model.free_count
-    x, v = state.x[:free], state.v[:free]
-    x_start, x_predicted = workspace.x_start[:free], workspace.x_predicted[:free]
-    h = np.float32(dt)
-
-    material, environment = model.material, params.environment
-    drag = material.air_drag / material.areal_density
-    keep = 1.0 / (1.0 + dt * (material.damping + drag))
-    for k in range(3):
-        pull = environment.gravity[k] + drag * environment.wind[k]
-        workspace.push[k] = keep * dt * pull
-    predict(x, v, x_start, x_predicted, workspace.push, np.float32(keep), h)
-
+    predict(
+        state.x[:free],
+        state.v[:free],
+        workspace.x_start[:free],
+        workspace.x_predicted[:free],
+        workspace.push,
+        np.float32(workspace.keep),
+        h,
+    )
     carry_pins(
         state.x[free:],
         state.v[free:],
         model.pin_collider,
         model.pin_position,
-        colliders.end.position,
-        colliders.end.orientation,
+        colliders.now.position,
+        colliders.now.orientation,
         colliders.origin,
         h,
     )
 
-    springs, settings = model.springs, params.settings
-    arrays = (state.x.reshape(-1), springs.particles, springs.rest_length, springs.share)
-    correct_springs(*arrays, settings.sweeps)
+
+def _correct(piece: Piece, step: Step) -> None:
+    """Sweeps over the springs, tethers and soft attachments."""
+    state, workspace, colliders = piece.state, piece.workspace, step.colliders
+    springs = piece.model.springs
+    correct_springs(
+        state.x.reshape(-1),
+        springs.particles,
+        springs.rest_length,
+        springs.share,
+        step.params.settings.sweeps,
+    )
     if workspace.attached.is_anything:
         workspace.attached.pull(
-            *(state.x, state.v, workspace.x_start, colliders.end, colliders.origin),
-            keep=keep,
-            dt=dt,
+            *(state.x, state.v, workspace.x_start, colliders.now, colliders.origin),
+            keep=workspace.keep,
+            dt=step.dt,
             rate=0.0,
         )
 
-    contacts, carry = workspace.contacts, colliders.posed.carry
-    thickness = max(material.thickness, colliders.thickness)
-    if params.settings.contact == "earliest":
-        if workspace.earliest is None:
-            workspace.earliest = EarliestContact(colliders.shapes)
-        # What the springs moved is velocity before the hit, not after it.
-        np.subtract(x, x_predicted, out=x_predicted)
-        x_predicted /= h
-        v += x_predicted
-        workspace.contact_count = workspace.earliest.meet(
-            colliders.shapes,
-            colliders.posed,
-            x_start,
-            x,
-            v,
-            thickness,
-            material.friction,
-            params.settings,
-            dt,
-            contacts.shape,
-        )
-        measure_motion(v, workspace.motion)
-        return
+
+def _meet(piece: Piece, colliders: ColliderState) -> SingleArray:
+    """Contact with the shapes or the skin; how points move with these."""
+    model, state, workspace = piece.model, piece.state, piece.workspace
+    free, material = model.free_count, model.material
+    x, x_start = state.x[:free], workspace.x_start[:free]
+    thickness, contacts = max(material.thickness, colliders.thickness), workspace.contacts
     if colliders.skin is not None:
         workspace.contact_count, carry = colliders.skin.meet(
             x, x_start, thickness, material.friction, contacts
         )
-    else:
-        sweep(
-            colliders.shapes,
-            colliders.posed,
-            workspace.sides.side,
-            colliders.sweep,
-            x,
-            x_start,
-            x_predicted,
-            np.float32(thickness),
-        )
-        workspace.contact_count = collide(
-            colliders.shapes,
-            colliders.posed,
-            workspace.sides,
-            x,
-            x_start,
-            thickness,
-            material.friction,
-            contacts,
-        )
-    update_velocities(
+        return carry
+    sweep(
+        colliders.shapes,
+        colliders.posed,
+        workspace.sides.side,
+        colliders.sweep,
+        x,
+        x_start,
+        workspace.x_predicted[:free],
+        np.float32(thickness),
+    )
+    workspace.contact_count = collide(
+        colliders.shapes,
+        colliders.posed,
+        workspace.sides,
+        x,
+        x_start,
+        thickness,
+        material.friction,
+        contacts,
+    )
+    return colliders.posed.carry
+
+
+def _meet_earliest(piece: Piece, step: Step) -> None:
+    """Contact by the earliest hit, and velocities."""
+    model, state, workspace = piece.model, piece.state, piece.workspace
+    colliders, h = step.colliders, step.dt
+    free, material = model.free_count, model.material
+    x, v, x_predicted = state.x[:free], state.v[:free], workspace.x_predicted[:free]
+    if workspace.earliest is None:
+        workspace.earliest = EarliestContact(colliders.shapes)
+    # What the springs moved is velocity before the hit, not after it.
+    np.subtract(x, x_predicted, out=x_predicted)
+    x_predicted /= np.float32(h)
+    v += x_predicted
+    workspace.contact_count = workspace.earliest.meet(
+        colliders.shapes,
+        colliders.posed,
+        workspace.x_start[:free],
         x,
         v,
-        x_start,
-        x_predicted,
-        contacts.shape,
-        contacts.normal,
-        carry,
+        max(material.thickness, colliders.thickness),
+        material.friction,
+        step.params.settings,
         h,
-        workspace.motion,
+        workspace.contacts.shape,
     )
+    measure_motion(v, workspace.motion)

@@ -20,30 +20,35 @@ _SHALLOW = np.float32(0.02)
 
 
 @kernel(forceinline=True)
-def remember_planes(x, x_start, shape, carry, place, ride):
+def remember_planes(x, x_start, planes, carry):
     """Keeps where particles touch and how the shape moves there.
 
     Args:
         x: Positions after the search [m], shape [n, 3].
         x_start: Positions at the start of that sub-step [m], shape [n, 3].
-        shape: Shape that each touches, -1 for none, shape [n].
+        planes: `Planes`; output, places and rides.
         carry: How points move with the shapes in a sub-step, see `PosedShapes`, shape [m, 3, 4].
-        place: Output, a point of each plane [m], shape [n, 3].
-        ride: Output, how far the plane moves in a sub-step [m], shape [n, 3].
     """
+    shape, place = planes.shape, planes.place
     for p in range(shape.size):
         c = shape[p]
         if c >= 0:
             for k in range(3):
                 place[p, k] = x[p, k]
-    ride_on(x_start, shape, carry, ride)
+    ride_on(x_start, shape, carry, planes.ride)
 
 
 @kernel(forceinline=True)
 def ride_on(x, shape, carry, ride):
-    """How far the planes of particles at x move in a sub-step; arguments as in `remember_planes`.
+    """How far the planes of particles at x move in a sub-step.
 
     Shapes change their motion from one step to the next.
+
+    Args:
+        x: Positions at the start of the sub-step [m], shape [n, 3].
+        shape: Shape that each touches, -1 for none, shape [n].
+        carry: As in `remember_planes`.
+        ride: Output, how far the plane moves [m], shape [n, 3].
     """
     for p in range(shape.size):
         c = shape[p]
@@ -58,22 +63,21 @@ def ride_on(x, shape, carry, ride):
 
 
 @kernel(forceinline=True)
-def touch_planes(x, v, x_start, shape, normal, pressed, place, ride, friction, dt):
+def touch_planes(x, v, x_start, planes, friction, dt):
     """Contact with the planes: friction and inelastic, as `contact.collide.collide` has it.
+
+    A particle that shapes press from two sides has no slip.
 
     Args:
         x: Positions, changed in place [m], shape [n, 3].
         v: Velocities that led there, changed in place [m/s], shape [n, 3].
         x_start: Positions at the start of the sub-step [m], shape [n, 3].
-        shape: Shape that each particle touched, -1 for none, shape [n].
-        normal: Outward normal there, shape [n, 3].
-        pressed: How deep it was [m], infinite where shapes press it from two sides: such a
-            particle has no slip, shape [n].
-        place: A point of each plane, moved on in place [m], shape [n, 3].
-        ride: How far the plane moves in a sub-step [m], shape [n, 3].
+        planes: `Planes`; places are moved on in place.
         friction: Coulomb coefficient.
         dt: Sub-step [s].
     """
+    shape, normal, pressed = planes.shape, planes.normal, planes.depth
+    place, ride = planes.place, planes.ride
     zero = np.float32(0.0)
     rate = np.float32(1.0) / dt
     for p in range(shape.size):
@@ -102,28 +106,26 @@ def touch_planes(x, v, x_start, shape, normal, pressed, place, ride, friction, d
             + (place[p, 2] - x[p, 2]) * nz
         )
         if depth > zero:
-            _lift(x, v, x_start, p, depth, nx, ny, nz, rx, ry, rz, friction, rate)
+            _lift(x, v, x_start, p, depth, (nx, ny, nz), (rx, ry, rz), friction, rate)
 
 
 @kernel(forceinline=True)
-def return_to_planes(
-    x, v, x_start, shape, normal, pressed, place, ride, inner_radius, friction, dt
-):
+def return_to_planes(x, v, x_start, planes, inner_radius, friction, dt):
     """Contact with the planes before a search, of what is deep below them; it stays shallow there.
 
+    What shapes press from two sides is left to the search.
+
     Args:
-        x: As in `touch_planes`, as all but one of the others.
+        x: As in `touch_planes`, as all but two of the others.
         v: Likewise.
         x_start: Likewise.
-        shape: Likewise.
-        normal: Likewise.
-        pressed: Likewise; what shapes press from two sides is left to the search.
-        place: Likewise, but not moved on.
-        ride: Likewise.
+        planes: `Planes`, which are not moved on.
         inner_radius: Of each shape, see `contact.sweep.Sweep` [m], shape [m].
         friction: As in `touch_planes`.
         dt: Likewise.
     """
+    shape, normal, pressed = planes.shape, planes.normal, planes.depth
+    place, ride = planes.place, planes.ride
     zero = np.float32(0.0)
     rate = np.float32(1.0) / dt
     for p in range(shape.size):
@@ -142,13 +144,15 @@ def return_to_planes(
             + (place[p, 2] + rz - x[p, 2]) * nz
         ) - _SHALLOW * inner_radius[c]
         if depth > zero:
-            _lift(x, v, x_start, p, depth, nx, ny, nz, rx, ry, rz, friction, rate)
+            _lift(x, v, x_start, p, depth, (nx, ny, nz), (rx, ry, rz), friction, rate)
 
 
 @kernel(forceinline=True)
-def _lift(x, v, x_start, p, depth, nx, ny, nz, rx, ry, rz, friction, rate):
+def _lift(x, v, x_start, p, depth, n, r, friction, rate):
     """Moves particle p out by `depth` along n, with friction, at a surface that moves by r."""
     zero = np.float32(0.0)
+    nx, ny, nz = n
+    rx, ry, rz = r
     ux = x[p, 0] - x_start[p, 0] - rx
     uy = x[p, 1] - x_start[p, 1] - ry
     uz = x[p, 2] - x_start[p, 2] - rz
@@ -176,7 +180,7 @@ def _lift(x, v, x_start, p, depth, nx, ny, nz, rx, ry, rz, friction, rate):
 
 
 @kernel(forceinline=True)
-def stop_at_contacts(x, v, x_start, x_before, shape, normal, depth, carry, friction, dt, motion):
+def stop_at_contacts(x, v, x_start, x_before, planes, carry, friction, dt, motion):
     """Velocities after a search: none into a shape, and less slip, by Coulomb's law.
 
     Being moved out of a shape changes no velocity. A particle that could not go straight out is
@@ -187,14 +191,13 @@ def stop_at_contacts(x, v, x_start, x_before, shape, normal, depth, carry, frict
         v: Velocities before contact, changed in place [m/s], shape [n, 3].
         x_start: Positions at the start of the sub-step [m], shape [n, 3].
         x_before: Positions before the search [m], shape [n, 3].
-        shape: Shape that each particle touches, -1 for none, shape [n].
-        normal: Outward normal there, shape [n, 3].
-        depth: How deep it was [m], shape [n].
+        planes: `Planes`; of them what the search found.
         carry: How points move with the shapes in a sub-step, see `PosedShapes`, shape [m, 3, 4].
         friction: Coulomb coefficient.
         dt: Sub-step [s].
         motion: Output, sum and maximum of squared speeds [m^2/s^2], shape [2].
     """
+    shape, normal, depth = planes.shape, planes.normal, planes.depth
     zero = np.float32(0.0)
     rate = np.float32(1.0) / dt
     total = 0.0

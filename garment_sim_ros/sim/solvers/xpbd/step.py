@@ -7,20 +7,26 @@ the number of passes changes the shape that cloth hangs in.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
-from garment_sim_ros.contact.packed import PosedShapes
-from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.jit import compiled
 from garment_sim_ros.params import XpbdSettings
-from garment_sim_ros.sim.layers.pair import LayerPair
-from garment_sim_ros.sim.model import ClothModel, Parameters
-from garment_sim_ros.sim.solvers.xpbd.sub_steps import run_sub_steps
+from garment_sim_ros.sim.colliders import ColliderState
+from garment_sim_ros.sim.model import Parameters
+from garment_sim_ros.sim.motion import damping_rate, outer_forces
+from garment_sim_ros.sim.piece import Piece, Step
+from garment_sim_ros.sim.solvers.xpbd import sub_steps
+from garment_sim_ros.sim.solvers.xpbd.given import (
+    Bodies,
+    Elastic,
+    Frames,
+    Given,
+    Particles,
+    Planes,
+    Rule,
+)
 from garment_sim_ros.sim.solvers.xpbd.workspace import XpbdWorkspace
-from garment_sim_ros.sim.state import ColliderState, State, Workspace
 
 _SMALL = 0.1
 """Extent of a garment below which sub-steps are shortened like its swing [m]."""
@@ -28,168 +34,156 @@ _SLOW = 0.03
 """RMS speed below which rounding shows [m/s]; that of a garment larger than a metre is larger."""
 
 
-def step(
-    model: ClothModel,
-    colliders: ColliderState,
-    params: Parameters,
-    state: State,
-    workspace: Workspace,
-    dt: float,
-) -> None:
-    """Advances one garment by one step, in equal sub-steps.
-
-    Each sub-step: outer forces and a prediction, pins, the edges, collision as an absolute
-    constraint with friction, velocities. Bending and the search for contacts come every so often,
-    see `XpbdSettings.search_every` and `XpbdWorkspace.prepare`; in between, contact is with
-    tangent planes. Does not allocate arrays after the first step.
-
-    Args:
-        model: The garment.
-        colliders: Colliders at the start and end of the step.
-        params: Outer forces and `XpbdSettings`.
-        state: Its motion, changed in place.
-        workspace: Its `XpbdWorkspace`.
-        dt: Step [s].
-    """
-    assert isinstance(workspace, XpbdWorkspace)
-    count, search_every = _sub_steps(workspace, params, dt)
-    given = _given(model, colliders, params, state, workspace, dt, count, search_every)
-    advance = _machine_code(workspace, given, count)
-    workspace.contact_count = advance(*given, 0, count)
-
-
-def step_layers(
-    garments: Sequence[tuple[ClothModel, State, XpbdWorkspace]],
-    pairs: Sequence[LayerPair],
-    colliders: ColliderState,
-    params: Parameters,
-    dt: float,
-    hold: Sequence[Callable[[float, float], None]] = (),
-) -> None:
-    """Advances garments over garments by one step, which meet each other in each sub-step.
-
-    What is parted or held after a whole step springs back in the first sub-step of the next one,
-    with a velocity of that way over a sub-step: layers would never rest.
-
-    Args:
-        garments: Model, motion (changed in place) and `XpbdWorkspace` of each.
-        pairs: The pairs of them that meet.
-        colliders: Colliders at the start and end of the step.
-        params: Outer forces and `XpbdSettings`.
-        dt: Step [s].
-        hold: What else holds them, told the time to the end of the step and the sub-step [s].
-    """
-    count, search_every = max(_sub_steps(w, params, dt) for _, _, w in garments)
-    given = []
-    for model, state, workspace in garments:
-        given.append(_given(model, colliders, params, state, workspace, dt, count, search_every))
-        _machine_code(workspace, given[-1], count)
-    for s in range(count):
-        for (_, _, workspace), g in zip(garments, given, strict=True):
-            assert workspace.code is not None
-            workspace.contact_count = workspace.code(*g, s, s + 1)
-        for pair in pairs:
-            if s % search_every == 0:
-                pair.find_close(dt / count)
-            pair.part()
-        for constrain in hold:
-            constrain(dt * (count - 1 - s) / count, dt / count)
-    for _, state, workspace in garments:
-        workspace.x_end[:] = state.x  # What that moved last was no jump: contacts still hold.
-
-
-def _sub_steps(workspace: Workspace, params: Parameters, dt: float) -> tuple[int, int]:
-    """How many in a step of dt [s], and how many for each search for contacts."""
-    assert isinstance(workspace, XpbdWorkspace)
+def pace(piece: Piece, params: Parameters, dt: float) -> tuple[int, int]:
+    """How many sub-steps in a step of dt [s], and how many for each search for contacts."""
     settings = params.settings
     assert isinstance(settings, XpbdSettings)
-    longest = settings.sub_step * min(1.0, math.sqrt(workspace.extent / _SMALL))
+    extent = _workspace(piece).extent
+    longest = settings.sub_step * min(1.0, math.sqrt(extent / _SMALL))
     count = max(1, math.ceil(dt / longest - 1e-6))
     passes = math.ceil(count / settings.search_every)
     search_every = math.ceil(count / passes)
     return passes * search_every, search_every
 
 
-def _machine_code(
-    workspace: XpbdWorkspace, given: tuple[Any, ...], count: int
-) -> Callable[..., int]:
-    """`run_sub_steps` for what is given, whose types take longer to look at than the call."""
-    if workspace.code is None:
-        workspace.code = compiled(run_sub_steps, *given, 0, count)
-    return workspace.code
+def begin(piece: Piece, step: Step) -> bool:
+    """Makes ready for a step; tells whether the contacts of the step before still hold."""
+    workspace, colliders = _workspace(piece), step.colliders
+    given = workspace.given
+    if given is None or given.step != step or given.path is not colliders.path:
+        workspace.given = given = _given(piece, workspace, step)
+    assert workspace.code is not None
+    workspace.known = bool(workspace.code[0](given.own, given.rule, colliders.goes_on))
+    return workspace.known
 
 
-def _given(
-    model: ClothModel,
-    colliders: ColliderState,
-    params: Parameters,
-    state: State,
-    workspace: Workspace,
-    dt: float,
-    count: int,
-    search_every: int,
-) -> tuple[Any, ...]:
-    """What `run_sub_steps` needs for `count` sub-steps in dt [s]."""
-    h = dt / count
+def solve(piece: Piece, step: Step, first: int, last: int, searches: bool) -> None:
+    """Sub-steps `first` to `last`.
+
+    Each: outer forces and a prediction, pins, the edges, tethers and soft attachments; contact
+    with tangent planes where it does not search for contacts. Bending comes every so often, see
+    `XpbdWorkspace.prepare`. Does not allocate arrays.
+    """
+    workspace = _workspace(piece)
+    assert workspace.code is not None
+    assert workspace.given is not None
+    workspace.code[1](*workspace.given.to_solve, first, last, searches)
+    workspace.has_planes = last > 1 or workspace.known
+
+
+def meet(piece: Piece, step: Step) -> None:
+    """Searches for contacts: an absolute constraint with friction; and velocities."""
+    workspace = _workspace(piece)
+    assert workspace.code is not None
+    assert workspace.given is not None
+    workspace.contact_count = workspace.code[2](*workspace.given.to_meet, workspace.has_planes)
+
+
+def finish(piece: Piece) -> None:
+    """Ends a step: what moves particles after it is a jump, and contacts are looked for anew."""
+    workspace = _workspace(piece)
+    workspace.x_end[:] = piece.state.x
+
+
+def _workspace(piece: Piece) -> XpbdWorkspace:
+    workspace = piece.workspace
     assert isinstance(workspace, XpbdWorkspace)
-    settings = params.settings
-    assert isinstance(settings, XpbdSettings)
-    material, environment = model.material, params.environment
-    drag = material.air_drag / material.areal_density
-    rate = material.damping + drag
-    coarse = settings.coarse and settings.iterations == 1
-    workspace.prepare(model, h, rate, search_every, coarse, count)
-    if workspace.between is None:
-        a, b = colliders.start.copy(), ColliderPoses.identity(len(colliders.start.position))
-        scratch = np.zeros((3, 3, 3))
-        workspace.between = (a.position, a.orientation, b.position, b.orientation, scratch)
-        c = colliders.start.copy()
-        x, coast = np.zeros((2, len(model), 3), np.float32)
-        posed = PosedShapes.room_for(colliders.shapes)
-        workspace.last_search = (x, coast, c.position, c.orientation, posed)
+    return workspace
 
+
+def _given(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Given:
+    """What the kernels are given in steps such as this one."""
+    settings = step.params.settings
+    assert isinstance(settings, XpbdSettings)
+    rate = damping_rate(piece.model.material)
+    coarse = settings.coarse and settings.iterations == 1
+    workspace.prepare(piece.model, step.dt, rate, step.search_every, coarse, step.sub_steps)
+    own, elastic, planes = _own(piece, workspace)
+    frames, bodies = _around(workspace, step.colliders)
+    rule = _rule(piece, workspace, step)
+    given = Given(
+        step=step,
+        path=step.colliders.path,
+        own=own,
+        rule=rule,
+        to_solve=(own, elastic, frames, planes, rule),
+        to_meet=(own, bodies, planes, rule),
+    )
+    if workspace.code is None:
+        workspace.code = (
+            compiled(sub_steps.begin, own, rule, True),
+            compiled(sub_steps.solve, *given.to_solve, 0, 1, True),
+            compiled(sub_steps.meet, *given.to_meet, True),
+        )
+    return given
+
+
+def _own(piece: Piece, workspace: XpbdWorkspace) -> tuple[Particles, Elastic, Planes]:
+    """What is a garment's own."""
+    own = Particles(
+        x=piece.state.x,
+        v=piece.state.v,
+        x_start=workspace.x_start,
+        x_predicted=workspace.x_predicted,
+        x_search=workspace.x_search,
+        x_coast=workspace.x_coast,
+        x_end=workspace.x_end,
+        low=workspace.low,
+        push=workspace.push_all,
+        motion=workspace.motion,
+        flags=workspace.flags,
+    )
+    elastic = Elastic(
+        ready=workspace.prepared,
+        coarse=workspace.coarse,
+        attached=workspace.attached,
+        pin_collider=piece.model.pin_collider,
+        pin_position=piece.model.pin_position,
+    )
+    planes = Planes(
+        shape=workspace.contacts.shape,
+        normal=workspace.contacts.normal,
+        depth=workspace.contacts.depth,
+        place=workspace.place,
+        ride=workspace.ride,
+    )
+    return own, elastic, planes
+
+
+def _around(workspace: XpbdWorkspace, colliders: ColliderState) -> tuple[Frames, Bodies]:
+    """What of the colliders it meets."""
+    frames = Frames(
+        position=colliders.path.position,
+        orientation=colliders.path.orientation,
+        origin=colliders.origin,
+        carry=colliders.posed.carry,
+    )
+    bodies = Bodies(
+        shapes=colliders.shapes,
+        posed=colliders.posed,
+        since=colliders.since,
+        way=colliders.sweep,
+        sides=workspace.sides,
+        contacts=workspace.contacts,
+    )
+    return frames, bodies
+
+
+def _rule(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Rule:
+    """Numbers of a step."""
+    model, settings = piece.model, step.params.settings
     held = model.free_count < len(model) or workspace.limited
-    keep = 1.0 / (1.0 + h * rate)
-    for k in range(3):
-        pull = environment.gravity[k] + drag * environment.wind[k]
-        workspace.push[k] = keep * h * pull
-    return (
-        state.x,
-        state.v,
-        model.free_count,
-        workspace.x_start,
-        workspace.x_predicted,
-        workspace.low,
-        workspace.prepared,
-        workspace.coarse,
-        workspace.attached,
-        model.pin_collider,
-        model.pin_position,
-        colliders.shapes,
-        (colliders.start.position, colliders.start.orientation),
-        (colliders.end.position, colliders.end.orientation),
-        workspace.between,
-        workspace.last_search,
-        workspace.x_end,
-        colliders.origin,
-        colliders.posed,
-        colliders.sweep,
-        workspace.sides,
-        workspace.contacts,
-        workspace.place,
-        workspace.ride,
-        np.float32(max(material.thickness, colliders.thickness)),
-        np.float32(material.friction),
-        np.float32(material.friction if held else 0.0),
-        workspace.push,
-        workspace.push_all,
-        np.float32(keep),
-        np.float32(h),
-        count,
-        settings.iterations,
-        workspace.bending_every,
-        search_every,
-        _SLOW * max(1.0, workspace.extent),
-        workspace.motion,
-        workspace.flags,
+    friction = np.float32(model.material.friction)
+    return Rule(
+        free=model.free_count,
+        dt=np.float32(step.dt),
+        keep=np.float32(outer_forces(model, step.params, step.dt, workspace.push)),
+        pull=workspace.push,
+        thickness=np.float32(max(model.material.thickness, step.colliders.thickness)),
+        friction=friction,
+        grip=friction if held else np.float32(0.0),
+        iterations=settings.iterations,
+        bend_every=workspace.bend_every,
+        search_every=step.search_every,
+        slow=_SLOW * max(1.0, workspace.extent),
     )

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from garment_sim_ros.arrays import FloatArray, IndexArray, IntArray, SingleArray
+from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.solvers.xpbd.coarse import (
@@ -16,30 +16,14 @@ from garment_sim_ros.sim.solvers.xpbd.coarse import (
     prepare_cells,
 )
 from garment_sim_ros.sim.solvers.xpbd.edges import prepare_edges
+from garment_sim_ros.sim.solvers.xpbd.given import Given
 from garment_sim_ros.sim.solvers.xpbd.hinges import prepare_hinges
 from garment_sim_ros.sim.solvers.xpbd.order import inward_order
+from garment_sim_ros.sim.solvers.xpbd.prepared import Prepared
 from garment_sim_ros.sim.state import Workspace
 
 _SWING = np.pi / 3
 """The farthest that hinges, by themselves, may swing from one pass to the next [rad]."""
-
-
-class Prepared(NamedTuple):
-    """Edges and hinges as a sub-step needs them.
-
-    Attributes:
-        edge_particles: Ends of the edges, flat, in the order of a pass, shape [2 m].
-        edges: See `solvers.xpbd.edges.prepare_edges`, shape [m, 4].
-        pull: Scratch of several passes, shape [m].
-        hinge_particles: Particles of the hinges, shape [h, 4].
-        hinges: See `solvers.xpbd.hinges.prepare_hinges`, shape [h, 8].
-    """
-
-    edge_particles: IndexArray
-    edges: SingleArray
-    pull: SingleArray
-    hinge_particles: IntArray
-    hinges: SingleArray
 
 
 @dataclass(kw_only=True)
@@ -58,19 +42,19 @@ class XpbdWorkspace(Workspace):
         threads: What it is made of; None where there is none.
         prepared_for: That length [s], the rate of damping [1/s], the sub-steps for each search for
             contacts, whether there is a coarse level, and the sub-steps of a step.
-        bending_every: Sub-steps for each pass over the hinges, see `prepare`.
+        bend_every: Sub-steps for each pass over the hinges, see `prepare`.
         place: Points of the planes in which particles touch shapes [m], shape [free, 3].
         ride: How far those move in a sub-step [m], shape [free, 3].
         x_end: Positions at the end of the last step [m], shape [n, 3].
         low: What these are short of by rounding [m], shape [3 free].
         push_all: Velocity that outer forces and bending add in a sub-step [m/s], shape [3 free].
-        between: Poses at the start and end of one sub-step; None until colliders are known.
-        last_search: Positions of particles at the last search for contacts, where they would
-            coast to, poses of colliders then, and the shapes posed for the time since; None until
-            colliders are known.
-        flags: Whether a step is fast, shapes stand still and contacts are known, and how many
-            particles touch, shape [4].
-        code: Machine code of the sub-steps, where they are called one by one.
+        x_search: Positions at the last search for contacts [m], shape [n, 3].
+        x_coast: Those that they coast to until the next one [m], shape [n, 3].
+        flags: See `solvers.xpbd.given.Particles`, shape [2].
+        known: Whether the contacts of the step before still held when this one began.
+        has_planes: Whether the last sub-step began with planes of a search.
+        given: What the kernels are given in steps of one kind; None before the first one.
+        code: Machine code of `begin`, `solve` and `meet`; None before the first step.
     """
 
     rest_squared: FloatArray
@@ -83,16 +67,19 @@ class XpbdWorkspace(Workspace):
     coarse: CoarseLevel
     threads: Threads | None
     prepared_for: tuple[float, float, int, bool, int]
-    bending_every: int
+    bend_every: int
     place: SingleArray
     ride: SingleArray
     x_end: SingleArray
     low: SingleArray
     push_all: SingleArray
-    between: tuple[Any, ...] | None
-    last_search: tuple[Any, ...] | None
+    x_search: SingleArray
+    x_coast: SingleArray
     flags: IntArray
-    code: Callable[..., int] | None
+    known: bool
+    has_planes: bool
+    given: Given | None
+    code: tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]] | None
 
     @classmethod
     def room_for(cls, model: ClothModel, shapes: int) -> "XpbdWorkspace":
@@ -127,15 +114,18 @@ class XpbdWorkspace(Workspace):
             coarse=CoarseLevel.none(),
             threads=None,
             prepared_for=(0.0, 0.0, 0, False, 0),
-            bending_every=1,
+            bend_every=1,
             place=np.zeros((model.free_count, 3), np.float32),
             ride=np.zeros((model.free_count, 3), np.float32),
             x_end=np.full((len(model), 3), np.nan, np.float32),
             low=np.zeros(3 * model.free_count, np.float32),
             push_all=np.zeros(3 * model.free_count, np.float32),
-            between=None,
-            last_search=None,
-            flags=np.zeros(4, np.int32),
+            x_search=np.zeros((len(model), 3), np.float32),
+            x_coast=np.zeros((len(model), 3), np.float32),
+            flags=np.zeros(2, np.int32),
+            known=False,
+            has_planes=False,
+            given=None,
             code=None,
         )
 
@@ -190,8 +180,8 @@ class XpbdWorkspace(Workspace):
         fastest = float(self.hinge_rate.max(initial=0.0))
         whole = count or search_every
         divisors = (n for n in range(search_every, 1, -1) if whole % n == 0)
-        self.bending_every = next((n for n in divisors if n * dt * fastest <= _SWING), 1)
-        time = dt * self.bending_every
+        self.bend_every = next((n for n in divisors if n * dt * fastest <= _SWING), 1)
+        time = dt * self.bend_every
         swing = np.maximum(time * self.hinge_rate, _SWING)
         prepare_hinges(
             ready.hinge_particles,
