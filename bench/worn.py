@@ -1,18 +1,32 @@
 """Whether garments stay worn: bodies, clips and outfits, by the measures of `docs/worn.md`.
 
-    python bench/worn.py [--clip F ...] [--body F ...] [--outfit F ...] [--seconds 6] [--json]
+    python bench/worn.py [--clip F ...] [--body F ...] [--outfit F ...] [--variant V ...]
+        [--out DIR] [--jobs N] [--pictures] [--seconds S] [--solver S]
 
-Simulated offline at 60 frames a second, so without overload. Without options: the mannequin and
-the bodies with a rig of the shared data, all its clips, the built-in outfits. A .obj as outfit is
-a mesh of the shared data's folder of garments; several joined by + are worn one over the other.
+Simulated offline, so without overload but where a variant asks for it. Without options: the
+mannequin at three heights and the bodies with a rig of the shared data, all its clips in full, the
+built-in outfits and the shared meshes. A .obj as outfit is a mesh of the shared data's folder of
+garments; several joined by + are worn one over the other.
+
+Every run is a line of `DIR/runs.jsonl`; what is there is not run again. `DIR/worn.md` is the
+table. Pictures: of each run five moments at even distances, and those that are worst by `pierced`,
+longest edge, jump.
+
+Variants: `plain`, 60 poses a second; `2x`, at twice the speed; `15hz`, 15 poses a second;
+`stalls`, in which the cloth does not step for 0.3 s in every 1.5 s: what is pierced is counted
+from 0.5 s after each. The last two go through the node's clock.
 """
 
 import argparse
 import itertools
 import json
+import multiprocessing
 import os
 import tempfile
 import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -22,17 +36,62 @@ from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
-from garment_sim_ros.contact.pierced import PiercedMeter
+from garment_sim_ros.contact.pierced import PiercedMeter, PiercedSoFar
+from garment_sim_ros.garment.colours import garment_colour
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import ClipSampler
+from garment_sim_ros.params import ClothNodeParameters
+from garment_sim_ros.recording.jumps import JumpMeter
 from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh
+from garment_sim_ros.recording.own_sides import OwnSides
+from garment_sim_ros.recording.previews import Figure, Look, moments
+from garment_sim_ros.ros.cloth_stepper import ClothStepper
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.stamps import SECOND
 
 FRAME = 1 / 60
+STALL, STALL_EVERY = 0.3, 1.5
+CALM = 0.5  # after a stall, in which a garment may come back [s]
 DATA = Path(os.environ.get("GARMENT_SIM_DATA") or Path(__file__).parents[2] / "shared" / "data")
-BODIES = ("mannequin", "mh_female_young.glb", "CesiumMan.glb")
-OUTFITS = ("tshirt_short_skirt", "tshirt_long_skirt")
+MANNEQUINS = tuple(f"mannequin:height={height}" for height in ("1.50", "1.75", "1.95"))
+BODIES = (*MANNEQUINS, "mh_female_young.glb", "CesiumMan.glb")
+SHIRT = "tshirt_female.obj"
+MESHES = (f"{SHIRT}+skirt_short_female.obj", f"{SHIRT}+skirt_long_female.obj")
+OUTFITS = ("tshirt_short_skirt", "tshirt_long_skirt", *MESHES, "trousers_female.obj")
+VARIANTS = ("plain", "2x", "15hz", "stalls")
+KEY = ("body", "outfit", "clip", "variant", "solver", "seconds")
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One run."""
+
+    body: str
+    outfit: str
+    clip: str
+    variant: str
+    solver: str
+    seconds: float
+    pictures: str
+
+    def key(self) -> list:
+        """What a line of the table is known by."""
+        return [getattr(self, name) for name in KEY]
+
+
+@dataclass
+class Frames:
+    """What is kept of a run's frames, for pictures."""
+
+    number: list[int] = field(default_factory=list)
+    garments: list[tuple] = field(default_factory=list)
+    bad: dict[str, tuple[float, int]] = field(default_factory=dict)
+
+    def worst(self, what: str, value: float) -> None:
+        """Remembers the latest frame if it is the worst by some measure."""
+        if value > self.bad.get(what, (0.0, 0))[0]:
+            self.bad[what] = (value, len(self.number) - 1)
 
 
 def found(name: str, folder: str) -> str:
@@ -56,53 +115,185 @@ def outfit_file(name: str, folder: Path) -> str:
     return str(path)
 
 
-def run(body_name: str, clip_name: str, outfit: str, seconds: float, solver: dict) -> dict:
+def plain(simulation: Simulation, path: list, _: float) -> Iterator[tuple[int, bool]]:
+    """Steps from frame to frame; yields each one's number, and whether it is calm."""
+    simulation.reset(path[0])
+    for n, (start, end) in enumerate(itertools.pairwise(path), start=1):
+        simulation.advance(start, end, FRAME)
+        yield n, True
+
+
+def by_the_node(simulation: Simulation, path: list, every: int) -> Iterator[tuple[int, bool]]:
+    """The same through the node's clock: poses every so many frames, or with stalls (0)."""
+    p = ClothNodeParameters()
+    stepper = ClothStepper(
+        simulation,
+        delay=0.0 if every == 0 else every * FRAME,
+        catch_up=p.catch_up,
+        teleport_speed=p.teleport_speed,
+        teleport_turn_rate=p.teleport_turn_rate,
+        on_teleport=p.on_teleport,
+        time_jump=p.time_jump,
+    )
+    last_stall = -1.0
+    for n, poses in enumerate(path):
+        t = n * FRAME
+        stamp = round(t * SECOND)
+        if n % max(every, 1) == 0:
+            stepper.add(stamp, poses, stamp)
+        if every == 0 and t % STALL_EVERY > STALL_EVERY - STALL:
+            last_stall = t
+            continue
+        if stepper.has_poses:
+            stepper.advance(stepper.target(stamp))
+            at = round(stepper.time / SECOND / FRAME)
+            if n and at < len(path):
+                yield at, t - last_stall > CALM or last_stall < 0.0
+
+
+def run(asked: Asked) -> dict:
     """Plays one clip and gives the figures."""
-    body, clip = load_body(found(body_name, "bodies")), load_clip(found(clip_name, "mocap"))
+    body = load_body(found(asked.body, "bodies"))
+    clip = load_clip(found(asked.clip, "mocap"))
     retargeter = Retargeter(
         clip.rig, body, T_world_source=clip.T_world_file, reference=clip.source_reference
     )
     colliders = fit_colliders(body)
     with tempfile.TemporaryDirectory() as folder:
-        source = outfit_file(outfit, Path(folder))
+        source = outfit_file(asked.outfit, Path(folder))
         garments = load_outfit(source, body, colliders=colliders).garments
     poser, skinner = ColliderPoser(colliders, body), Skinner(body.skin)
-    length = min(seconds, float(clip.times[-1] - clip.times[0]))
+    speed = 2.0 if asked.variant == "2x" else 1.0
+    begin, length = float(clip.times[0]), float(clip.times[-1] - clip.times[0]) / speed
     sampler = ClipSampler(clip)
+    count = max(2, int(min(asked.seconds or length, length) / FRAME))
     joints = [
-        retargeter.world_joints(sampler.sample(float(clip.times[0]) + n * FRAME)).copy()
-        for n in range(max(2, int(length / FRAME)))
+        retargeter.world_joints(sampler.sample(begin + n * FRAME * speed), n * FRAME).copy()
+        for n in range(count)
     ]
     path = [poser.poses(T).copy() for T in joints]
-    simulation = Simulation(garments, colliders, **solver)
-    simulation.reset(path[0])
+    simulation = Simulation(garments, colliders, solver=asked.solver)
     meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in garments}
-    meter = ClothMeter(body.skin.vertices, body.skin.triangles, meshes)
-    pierced = PiercedMeter(colliders)
-    times = []
-    for n, (start, end) in enumerate(itertools.pairwise(path), start=1):
-        begin = time.thread_time()
-        simulation.advance(start, end, FRAME)
-        times.append(time.thread_time() - begin)
+    skin = (body.skin.vertices, body.skin.triangles)
+    meter = ClothMeter(*skin, meshes, OwnSides.of(garments, body, colliders))
+    pierced, jumps = PiercedMeter(colliders), JumpMeter(body.skin.vertices)
+    live = PiercedSoFar(colliders, [g.name for g in garments])
+    calm_frames = calm_pierced = 0
+    kept, times, edges = Frames(), [], []
+    steps = {"15hz": (by_the_node, 4), "stalls": (by_the_node, 0)}
+    play, every = steps.get(asked.variant, (plain, 1))
+    began = time.thread_time()
+    for n, calm in play(simulation, path, every):
+        times.append(time.thread_time() - began)
         x = {g.name: simulation.positions(g.name) for g in garments}
-        pierced.add(end, {g.name: (x[g.name], g.triangles) for g in garments})
-        if n % 6 == 0:
-            meter.add(
-                skinner.vertices(joints[n]).copy(), {k: v.astype(float) for k, v in x.items()}
-            )
+        posed = {g.name: (x[g.name], g.triangles) for g in garments}
+        pierced.add(path[n], posed)
+        live.add(path[n], posed)
+        through = sum(map(len, live.now.values()))
+        calm_frames += calm
+        calm_pierced += calm and through > 0
+        kept.number.append(n)
+        kept.garments.append(tuple(a.astype(np.float32) for a in x.values()))
+        worst = max(float(meshes[k].strain(v.astype(float)).max()) for k, v in x.items())
+        edges.append(worst)
+        surface = skinner.vertices(joints[n])
+        if kept.number[-2:-1] != [n - 1]:
+            jumps.forget()
+        kept.worst("jump", jumps.add(surface, x))
+        kept.worst("edge", worst)
+        kept.worst("pierced", through)
+        if len(kept.number) % 6 == 0:
+            meter.add(surface, {k: v.astype(float) for k, v in x.items()})
+        began = time.thread_time()
     result = pierced.result()
+    if asked.pictures:
+        draw(asked, kept, joints, skinner, body, garments)
+    figures = {k: v for k, v in meter.result().items() if not k.startswith("gap")}
+    figures["strain_max"] = round(max(edges), 3)
     return {
-        "body": Path(body_name).stem,
-        "clip": Path(clip_name).stem,
-        "outfit": outfit,
+        **dict(zip(KEY, asked.key())),
         "frames": result.frames,
         "pierced": round(result.share, 4),
-        **{k: v for k, v in meter.result().items() if not k.startswith("gap")},
+        "pierced_calm": round(calm_pierced / max(calm_frames, 1), 4),
+        **figures,
+        "jump_cm": round(100 * jumps.largest, 1),
+        "jump_frames": jumps.frames,
         "resets": sum(simulation.health(g.name).resets for g in garments),
         "let_go": max(simulation.health(g.name).let_go for g in garments),
         "ms_median": round(1e3 * float(np.median(times)), 2),
         "by_bone": result.by_bone,
     }
+
+
+def draw(asked: Asked, kept: Frames, joints: list, skinner: Skinner, body, garments) -> None:
+    """A sheet: moments at even distances, and the worst ones."""
+    hips = body.humanoid.get("hips")
+    root = body.rig.index(hips) if hips else 0
+    forward = np.linalg.inv(body.rig.T_parent_joint[root][:3, :3])[:, 0]
+
+    def figure(k: int) -> Figure:
+        T = joints[kept.number[k]]
+        facing = T[root, :3, :3] @ forward
+        return Figure(
+            skin=skinner.vertices(T).copy(),
+            garments=tuple(np.asarray(x, float) for x in kept.garments[k]),
+            root=T[root, :3, 3].copy(),
+            heading=float(np.arctan2(facing[1], facing[0])),
+        )
+
+    even = [int((i + 0.5) / 5 * len(kept.number)) for i in range(5)]
+    worst = [kept.bad.get(what, (0.0, 0))[1] for what in ("pierced", "edge", "jump")]
+    look = Look(
+        skin_triangles=body.skin.triangles,
+        garment_triangles=tuple(g.triangles for g in garments),
+        garment_colours=tuple(garment_colour(n) for n in range(len(garments))),
+        floor=float(min(skinner.vertices(joints[kept.number[k]])[:, 2].min() for k in even)),
+    )
+    name = "_".join(map(str, asked.key()[:4]))
+    for ending in (".obj", ".glb", ".bvh"):
+        name = name.replace(ending, "")
+    path = Path(asked.pictures) / f"{name}.png"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    moments([figure(k) for k in even + worst], look, path, size=(200, 320))
+
+
+def table(rows: list[dict]) -> str:
+    """Markdown: a line for each body, outfit and variant, over all clips."""
+    groups: dict[tuple, list[dict]] = {}
+    for row in rows:
+        if "error" not in row:
+            key = (row["body"], row["outfit"], row["variant"], row["solver"])
+            groups.setdefault(key, []).append(row)
+    lines = [
+        "| body | outfit | variant | solver | clips | pierced in | worst share (clip) | mean "
+        "| inside p99 | inside median | worst edge | edge p95 | jump | crossed p99 |",
+        "|---" * 14 + "|",
+    ]
+    for (body, outfit, variant, solver), group in sorted(groups.items()):
+        share = "pierced_calm" if variant in ("15hz", "stalls") else "pierced"
+        worst = max(group, key=lambda r: r[share])
+        most = {
+            name: max((value for r in group if isinstance(value := r[name], float)), default=0.0)
+            for name in group[0]
+        }
+        cells = [
+            body.removesuffix(".glb"),
+            outfit.replace("_female.obj", ""),
+            variant,
+            solver,
+            str(len(group)),
+            str(sum(r[share] > 0 for r in group)),
+            f"{worst[share]:.2f} ({Path(worst['clip']).stem})" if worst[share] else "0",
+            f"{np.mean([r[share] for r in group]):.3f}",
+            f"{100 * most['inside_p99']:.2f} %",
+            f"{100 * most['inside_median']:.2f} %",
+            f"{100 * most['strain_max']:.0f} %",
+            f"{100 * most['strain_p95']:.1f} %",
+            f"{most['jump_cm']:.0f} cm",
+            f"{100 * most['crossed_p99']:.2f} %",
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
 
 
 def main() -> None:
@@ -111,21 +302,47 @@ def main() -> None:
     parser.add_argument("--clip", nargs="*")
     parser.add_argument("--body", nargs="*", default=BODIES)
     parser.add_argument("--outfit", nargs="*", default=OUTFITS)
+    parser.add_argument("--variant", nargs="*", default=["plain"], choices=VARIANTS)
     parser.add_argument("--solver", default="xpbd")
-    parser.add_argument("--seconds", type=float, default=6.0)
-    parser.add_argument("--json", action="store_true", help="print one JSON object a run")
+    parser.add_argument("--seconds", type=float, default=0.0, help="0: the whole clip")
+    parser.add_argument("--out", type=Path, default=Path("out/worn"))
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--pictures", nargs="?", const="", help="folder; DIR/pictures without")
     options = parser.parse_args()
     clips = options.clip or sorted(p.name for p in (DATA / "mocap").glob("*.bvh")) or ["walk"]
-    for body, outfit, clip in itertools.product(options.body, options.outfit, clips):
-        try:
-            row = run(body, clip, outfit, options.seconds, {"solver": options.solver})
-        except Exception as error:  # a run that cannot be made is a row, too
-            row = {"body": body, "clip": clip, "outfit": outfit, "error": str(error)}
-        if options.json:
-            print(json.dumps(row), flush=True)
-            continue
-        figures = [f"{k} {v}" for k, v in row.items() if k not in ("body", "clip", "outfit")]
-        print(f"{row['body']} {row['outfit']} {row['clip']}: {', '.join(figures)}", flush=True)
+    options.out.mkdir(parents=True, exist_ok=True)
+    file = options.out / "runs.jsonl"
+    rows = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
+    done = [[row[name] for name in KEY] for row in rows]
+    pictures = options.pictures
+    if pictures is not None:
+        pictures = pictures or str(options.out / "pictures")
+    asked = [
+        Asked(body, outfit, clip, variant, options.solver, options.seconds, pictures or "")
+        for variant, body, outfit, clip in itertools.product(
+            options.variant, options.body, options.outfit, clips
+        )
+    ]
+    left = [a for a in asked if a.key() not in done]
+    # Fresh processes: kernels and threads do not survive a fork.
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(options.jobs, mp_context=spawn) as pool, file.open("a") as out:
+        running = {pool.submit(run, a): a for a in left}
+        for future in as_completed(running):
+            a = running[future]
+            try:
+                row = future.result()
+            except Exception as error:  # a run that cannot be made is a row, too
+                row = {**dict(zip(KEY, a.key())), "error": f"{type(error).__name__}: {error}"}
+            rows.append(row)
+            out.write(json.dumps(row) + "\n")
+            out.flush()
+            print(", ".join(f"{k} {v}" for k, v in row.items()), flush=True)
+            (options.out / "worn.md").write_text(table(rows))
+    print(table(rows))
+    failed = [row for row in rows if "error" in row]
+    for row in failed:
+        print(f"failed: {row['body']} {row['outfit']} {row['clip']}: {row['error']}")
 
 
 if __name__ == "__main__":

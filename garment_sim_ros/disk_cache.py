@@ -74,7 +74,7 @@ def cached_arrays(folder: str, key: str, make: Callable[[], Arrays]) -> dict[str
     arrays = dict(make())
     with contextlib.suppress(OSError):
         data = io.BytesIO()
-        np.savez(data, **arrays)
+        np.savez(data, **arrays)  # type: ignore[arg-type]
         replace_file(file, data.getvalue())
         keep_newest(file.parent.glob("*.npz"), _KEPT)
     return arrays

@@ -2,9 +2,11 @@
 
 Penetration and gap are signed distances to the true skin, not to the colliders that the cloth
 was simulated against; penetration is taken at particles, edge midpoints and triangle centres,
-since cloth may cut through skin between its particles. `inside` is the share of a garment's area
-that is deeper than 2 mm in the skin: percentiles of the depth cannot see a patch of half a
-percent.
+since cloth may cut through skin between its particles. Cloth outside of the skin, but on the
+wrong side of a part that it is worn over, penetrates by its distance (see `own_sides`). `inside`
+is the share of a garment's area that is deeper than 2 mm in the skin: percentiles of the depth
+cannot see a patch of half a percent. `crossed` is the share of a garment's edges that run through
+another garment: one that shows through the one worn over it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray
+from garment_sim_ros.contact.crossings import find_hits
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
-from garment_sim_ros.geometry.topology import mesh_topology
+from garment_sim_ros.geometry.topology import mesh_topology, vertex_normals
+from garment_sim_ros.recording.own_sides import OwnSides
 
 DEEP = 0.002
 """Depth in the skin from which on cloth counts as inside [m]."""
@@ -26,6 +30,7 @@ class GarmentMesh:
     """What is measured on one garment.
 
     Attributes:
+        vertices: Number of vertices.
         triangles: Vertex indices, shape [t, 3].
         edges: Vertex indices, shape [e, 2].
         rest_length: Lengths of the edges at rest [m], shape [e].
@@ -33,6 +38,7 @@ class GarmentMesh:
         samples_of_triangle: Which `samples` lie on each triangle, shape [t, 7].
     """
 
+    vertices: int
     triangles: IntArray
     edges: IntArray
     rest_length: FloatArray
@@ -53,6 +59,7 @@ class GarmentMesh:
         middle = np.arange(len(triangles), dtype=np.int32)[:, None]
         a, b, c = np.moveaxis(vertices[triangles], 1, 0)
         return cls(
+            vertices=v,
             triangles=triangles,
             edges=edges,
             rest_length=_lengths(vertices, edges),
@@ -63,6 +70,22 @@ class GarmentMesh:
     def samples(self, x: FloatArray) -> FloatArray:
         """Particles, edge midpoints and triangle centres [m], shape [v + e + t, 3]."""
         return np.concatenate([x, x[self.edges].mean(axis=1), x[self.triangles].mean(axis=1)])
+
+    @property
+    def corner(self) -> IntArray:
+        """A vertex that each of the `samples` belongs to, shape [v + e + t]."""
+        vertex = np.arange(self.vertices, dtype=np.int32)
+        return np.concatenate([vertex, self.edges[:, 0], self.triangles[:, 0]])
+
+    def normals(self, x: FloatArray) -> FloatArray:
+        """Outward unit normals at the `samples`, shape [v + e + t, 3]."""
+        x = np.ascontiguousarray(x, np.float64)
+        normal = np.empty_like(x)
+        vertex_normals(x, self.triangles, normal)
+        rows = [normal, normal[self.edges].sum(axis=1), normal[self.triangles].sum(axis=1)]
+        every = np.concatenate(rows)
+        length = np.linalg.norm(every, axis=1, keepdims=True)
+        return np.asarray(every / np.maximum(length, 1e-300))
 
     def inside(self, distance: FloatArray) -> float:
         """Share of the area at rest that is inside of the skin, by the samples' distances [m]."""
@@ -81,6 +104,7 @@ class ClothMeter:
         skin_vertices: Skin in any pose [m], shape [v, 3].
         skin_triangles: Shape [t, 3].
         garments: By name.
+        own_sides: Which skin belongs under which of their points; None: not looked at.
     """
 
     def __init__(
@@ -88,13 +112,16 @@ class ClothMeter:
         skin_vertices: FloatArray,
         skin_triangles: IntArray,
         garments: Mapping[str, GarmentMesh],
+        own_sides: OwnSides | None = None,
     ) -> None:
+        self._own_sides = own_sides
         self._skin = MeshDistance(skin_vertices, skin_triangles)
         self._garments = garments
         self._penetration: list[NDArray[np.float32]] = []
         self._gap: list[NDArray[np.float32]] = []
         self._strain: list[NDArray[np.float32]] = []
         self._inside: list[float] = []
+        self._crossed: list[float] = []
         self._finite = True
 
     def add(self, skin: FloatArray, garments: Mapping[str, FloatArray]) -> None:
@@ -110,11 +137,22 @@ class ClothMeter:
             if not np.isfinite(x).all():
                 self._finite = False
                 continue
-            distance = self._skin.signed_distance(mesh.samples(x))[0]
+            samples = mesh.samples(x)
+            distance, closest, triangle = self._skin.signed_distance(samples)
             self._inside.append(mesh.inside(distance))
-            self._penetration.append(np.maximum(-distance, 0.0).astype(np.float32))
+            depth = np.maximum(-distance, 0.0)
+            if self._own_sides is not None:
+                way = np.stack([closest, samples], axis=1)
+                behind = (distance > 0.0) & self._own_sides.behind(
+                    *(name, mesh.corner, mesh.normals(x), way, triangle, (x, mesh.triangles))
+                )
+                depth[behind] = distance[behind]
+            self._penetration.append(depth.astype(np.float32))
             self._gap.append(distance[: len(x)].astype(np.float32))
             self._strain.append(mesh.strain(x).astype(np.float32))
+            for other, y in garments.items():
+                if other != name and np.isfinite(y).all():
+                    self._crossed.append(_crossed(mesh, x, self._garments[other], y))
 
     def result(self) -> dict[str, float | bool | None]:
         """Figures over all frames; None where there was nothing to measure."""
@@ -123,11 +161,19 @@ class ClothMeter:
             "penetration_mm_max": _statistic(self._penetration, 100.0, 1e3),
             "inside_p99": _statistic([np.array(self._inside, np.float32)], 99.0, 1.0),
             "inside_median": _statistic([np.array(self._inside, np.float32)], 50.0, 1.0),
+            "crossed_p99": _statistic([np.array(self._crossed, np.float32)], 99.0, 1.0),
             "gap_mm_median": _statistic(self._gap, 50.0, 1e3),
             "strain_p95": _statistic(self._strain, 95.0, 1.0),
             "strain_max": _statistic(self._strain, 100.0, 1.0),
             "finite": self._finite,
         }
+
+
+def _crossed(mesh: GarmentMesh, x: FloatArray, other: GarmentMesh, y: FloatArray) -> float:
+    """Share of a garment's edges that run through another garment."""
+    edge, at = np.empty(len(mesh.edges), np.int32), np.empty(len(mesh.edges))
+    count = find_hits(x[mesh.edges], y, other.triangles, edge, at)
+    return len(np.unique(edge[: min(count, len(edge))])) / max(len(mesh.edges), 1)
 
 
 def _statistic(parts: Sequence[NDArray[np.float32]], percent: float, scale: float) -> float | None:

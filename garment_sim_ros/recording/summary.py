@@ -10,6 +10,7 @@ from garment_sim_ros.contact.pierced import Pierced, PiercedMeter
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.recording.bags import Recording
 from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh, late_frames, rate
+from garment_sim_ros.recording.own_sides import OwnSides
 from garment_sim_ros.recording.previews import Figure
 from garment_sim_ros.recording.replay import Replay
 
@@ -50,7 +51,11 @@ def summarize(
         name: GarmentMesh.from_rest(track.vertices, track.triangles)
         for name, track in recording.garments.items()
     }
-    meter = ClothMeter(body.skin.vertices, body.skin.triangles, meshes)
+    garments = tuple(garments)
+    own = None
+    if recording.colliders is not None and {g.name for g in garments} >= meshes.keys():
+        own = OwnSides.of(garments, body, recording.colliders.colliders)
+    meter = ClothMeter(body.skin.vertices, body.skin.triangles, meshes, own)
     measured = 0
     for figure in shown:
         meter.add(figure.skin, dict(zip(meshes, figure.garments)))

@@ -206,6 +206,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
                 "frames": self._frames,
                 "late_frames": self._late_frames,
                 "step_ms": self._step_ms,
+                **self._watch.figures()._asdict(),
                 "resets": stepper.resets,
                 "garments_put_back": sum(h.resets for h in health),
                 "particles_recovered": sum(h.recovered for h in health),
@@ -273,7 +274,10 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             on_teleport=p.on_teleport,
             time_jump=p.time_jump,
         )
-        self._qualities = [GarmentQuality(name, simulation) for name in simulation.names]
+        self._watch = dressed.watch
+        self._qualities = [
+            GarmentQuality(name, simulation, dressed.watch) for name in simulation.names
+        ]
         for line in in_words(account(simulation)):
             self.get_logger().info(line)
         for number, garment in enumerate(dressed.garments):
@@ -351,8 +355,11 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         stepper = self._stepper
         if stepper is None or stepper.time is None or stepper.is_behind:
             return
-        for name in stepper.simulation.names:
-            self._topics[name].publish(stepper.simulation, stepper.time)
+        shown = {
+            name: self._topics[name].publish(stepper.simulation, stepper.time)
+            for name in stepper.simulation.names
+        }
+        self._watch.look(stepper.poses, shown)
         self._frames += 1
         if self._quality.get_subscription_count():
             figures: dict[str, object] = {

@@ -140,6 +140,11 @@ class ClothStepper:
         """Whether any poses have come."""
         return len(self._buffer) > 0
 
+    @property
+    def poses(self) -> ColliderPoses:
+        """World poses of the colliders at `time`; the next `advance` overwrites them."""
+        return self._now
+
     def restart(self) -> None:
         """Put the garments on anew at the next `advance`."""
         self._starts_anew = True

@@ -9,6 +9,7 @@ from garment_sim_ros.colliders.description import from_json
 from garment_sim_ros.errors import GarmentSimError, MessageError
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.recording.worn_watch import WornWatch
 from garment_sim_ros.ros.background import Background
 from garment_sim_ros.ros.compiler import Compiler
 from garment_sim_ros.sim.model import Parameters
@@ -26,11 +27,13 @@ class Dressed:
         revision: The description's.
         simulation: The garments on its colliders.
         garments: As they were made for them.
+        watch: Looks whether they stay worn.
         notes: What was assumed or repaired.
     """
 
     revision: str
     simulation: Simulation
+    watch: WornWatch
     garments: tuple[Garment, ...]
     notes: tuple[str, ...]
 
@@ -119,6 +122,7 @@ class Dresser:
         return Dressed(
             revision=colliders.revision,
             simulation=simulation,
+            watch=WornWatch(colliders, self._body, outfit.garments),
             garments=outfit.garments,
             notes=outfit.notes,
         )

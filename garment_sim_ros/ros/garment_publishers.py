@@ -5,9 +5,12 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Point
 from shape_msgs.msg import Mesh, MeshTriangle
 
+from garment_sim_ros.arrays import SingleArray
 from garment_sim_ros.garment.colours import garment_colour
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.params import Material
+from garment_sim_ros.recording import worn_watch
+from garment_sim_ros.recording.worn_watch import WornWatch
 from garment_sim_ros.ros.diagnostics import status
 from garment_sim_ros.ros.interfaces import (
     GARMENT_MESH,
@@ -55,14 +58,19 @@ class GarmentPublishers:
         )
         self._topology.publish(_topology(garment))
 
-    def publish(self, simulation: Simulation, stamp: int) -> None:
-        """Publish points and mesh as they are at a simulated time [ns]."""
+    def publish(self, simulation: Simulation, stamp: int) -> SingleArray:
+        """Publish points and mesh as they are at a simulated time [ns].
+
+        Returns:
+            The points [m], shape [v, 3], which the next call overwrites.
+        """
         x = simulation.positions(self.name)
         if self._points.get_subscription_count():
             normal = simulation.normals(self.name) if self._normals else None
             self._points.publish(self._points_message.fill(stamp, x, normal))
         if self._mesh.get_subscription_count():
             self._mesh.publish(self._mesh_message.fill(stamp, x))
+        return x
 
 
 class GarmentQuality:
@@ -71,11 +79,13 @@ class GarmentQuality:
     Args:
         name: The garment's name.
         simulation: Simulates it.
+        watch: Looks whether it stays worn.
     """
 
-    def __init__(self, name: str, simulation: Simulation) -> None:
+    def __init__(self, name: str, simulation: Simulation, watch: WornWatch) -> None:
         self._name = name
         self._simulation = simulation
+        self._watch = watch
         self._strain = StrainMeter(simulation.model(name))
 
     def status(self, figures: dict[str, object], *, resets: int) -> DiagnosticStatus:
@@ -89,6 +99,9 @@ class GarmentQuality:
         strain = self._strain.read(self._simulation.state(self._name))
         values: dict[str, object] = {
             **figures,
+            **self._watch.figures(self._name)._asdict(),
+            "pierced_by": len(self._watch.pierced_by(self._name)),
+            "inside": self._watch.inside(self._name),
             "strain_p95": strain.p95,
             "strain_max": strain.largest,
             "contacts": health.contacts,
@@ -105,7 +118,8 @@ class GarmentQuality:
 
 
 def warm_up() -> None:
-    """Compile, or load from the cache, what publishing a frame runs."""
+    """Compile, or load from the cache, what publishing and judging a frame runs."""
+    worn_watch.warm_up()
     vertices = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]])
     triangles = np.array([[0, 1, 2]], dtype=np.int32)
     none = np.zeros(0, np.int32)

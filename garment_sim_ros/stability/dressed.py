@@ -17,6 +17,7 @@ from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, read_outfit
 from garment_sim_ros.stability.extremes import Motion, Scene, spinning
+from garment_sim_ros.stability.wearer import Wearer
 
 _RATE = 3000.0 * np.pi / 180
 _RAISED = np.radians(60.0)
@@ -45,8 +46,13 @@ def dressed_cells() -> Iterator[tuple[str, Callable[[], Scene]]]:
 
 def _scene(motion: Motion, **asked: object) -> Scene:
     _, colliders, garments, _ = _dressed()
-    asked = {"size": 1.65, "calm": 6.0, **asked}
+    asked = {"size": 1.65, "calm": 6.0, "wearer": _wearer(1.0), **asked}
     return Scene(garments=garments, colliders=colliders, motion=motion, **asked)  # type: ignore[arg-type]
+
+
+def _wearer(scale: float) -> Wearer:
+    body, colliders, garments, _ = _dressed()
+    return Wearer(body, colliders, garments, scale)
 
 
 def _standing(t: float) -> ColliderPoses:
@@ -125,6 +131,7 @@ def _turned(tall: float, **asked: float) -> Scene:
         return scene
     return replace(
         scene,
+        wearer=_wearer(scale),
         garments=tuple(_scaled(garment, scale) for garment in scene.garments),
         colliders=replace(
             scene.colliders,

@@ -15,6 +15,7 @@ from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion, quaternion_multiply
 from garment_sim_ros.params import Environment, Material
+from garment_sim_ros.stability.wearer import Wearer
 
 Motion = Callable[[float], ColliderPoses]
 
@@ -42,6 +43,7 @@ class Scene:
         unique: Whether there is one shape only that the garment can be at rest in.
         jump: At which time the body jumps [s], and what is done about it, as `on_teleport`.
         broken: Whether poses are NaN while it is disturbed.
+        wearer: The body in it, where there is one.
     """
 
     garments: tuple[Garment, ...]
@@ -58,6 +60,7 @@ class Scene:
     unique: bool = False
     jump: tuple[float, str] | None = None
     broken: bool = False
+    wearer: Wearer | None = None
 
 
 def sheet(

@@ -3,7 +3,9 @@
 A cell fails where anything is not finite, where the garment leaves all bounds, where energy grows
 after the disturbance has ended, where the garment does not come to rest, where it rests elsewhere
 than without the disturbance although there is only one place, or where it had to be mended or
-reset, unless the body jumped or what came in was broken.
+reset, unless the body jumped or what came in was broken. A dressed body's cell fails where, in the
+end, more body parts run through garments than without the disturbance, or more of a garment is in
+the skin (see ``docs/worn.md``).
 """
 
 import math
@@ -20,6 +22,7 @@ from garment_sim_ros.sim.model import ClothModel, Parameters
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.stability.extremes import Scene
+from garment_sim_ros.stability.wearer import HowWorn
 
 BOX = 12.0
 """Farthest that a particle may ever be from the first collider, in sizes of the garment."""
@@ -29,6 +32,8 @@ REST = 2e-3
 """Highest RMS speed in the last 10 frames, in sizes per second."""
 PLACE = 2e-3
 """Farthest that a particle may rest from where it would undisturbed, in sizes."""
+INSIDE = 0.005
+"""Share of a garment's area that may be in the skin in the end, above what is undisturbed."""
 GAIN = 0.05
 """Share of the energy at the start of the calm that may be gained in it."""
 
@@ -152,6 +157,14 @@ class _Run:
     def _go(self, start: float, end: float) -> None:
         for n in range(1, max(1, round((end - start) / self._scene.frame)) + 1):
             self.frame(start + n * self._scene.frame)
+
+    def worn(self) -> HowWorn | None:
+        """How the garments are worn in the end; None where there is no body."""
+        scene = self._scene
+        if scene.wearer is None:
+            return None
+        x = {n: self.simulation.positions(n) for n in self.simulation.names}
+        return scene.wearer.look(scene.motion(scene.busy + scene.calm), x)
 
     def positions(self) -> FloatArray:
         """World positions of all garments [m], shape [n, 3]."""
@@ -293,6 +306,14 @@ def _verdict(scene: Scene, still: _Run, run: _Run, calm: _Calm) -> Outcome:
     figures["rest_speed"] = max(calm.speed[-10:]) / scene.size
     if figures["rest_speed"] > REST:
         faults.append("restless")
+    worn, usually = run.worn(), still.worn()
+    if worn is not None and usually is not None:
+        figures |= {"pierced": worn.pierced, "pierced_undisturbed": usually.pierced}
+        figures |= {"inside": worn.inside, "inside_undisturbed": usually.inside}
+        if worn.pierced > usually.pierced:
+            faults.append("pierced")
+        if worn.inside > usually.inside + INSIDE:
+            faults.append("inside")
     if scene.unique:
         away = float(np.linalg.norm(run.positions() - still.positions(), axis=1).max())
         figures["away"] = away / scene.size

@@ -14,7 +14,7 @@ _COLORS = {
     "inaccurate": (228, 178, 84),
     "broken": (196, 78, 72),
 }
-_BROKEN = ("not finite", "out of bounds", "reset", "mended", "energy grows")
+_BROKEN = ("not finite", "out of bounds", "reset", "mended", "energy grows", "pierced")
 _ROW, _CELL, _LABEL, _MARGIN = 22, 150, 330, 16
 
 

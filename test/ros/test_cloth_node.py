@@ -257,6 +257,8 @@ def test_quality_has_one_status_per_garment_and_frame(running, probe):
         assert all(np.isfinite(v) for v in values.values())
         assert values["step_ms"] >= 0.0
         assert values["strain_max"] >= values["strain_p95"] - 1e-3
+        for measure in ("pierced", "inside", "inside_p99", "inside_median"):
+            assert 0.0 <= values[measure] <= 1.0
     stamps = {stamp_of(m) for m in probe.received("garments/skirt/points")}
     assert message.header.stamp.sec * SECOND + message.header.stamp.nanosec in stamps
 

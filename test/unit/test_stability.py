@@ -76,6 +76,30 @@ def test_what_a_broken_solver_does_is_found(monkeypatch, change, fault):
     assert fault in judge(scene(calm=4.0), "xpbd").faults
 
 
+def test_a_skirt_beside_a_leg_is_found_pierced_and_inside(monkeypatch):
+    """A body that stands still, with a solver that pulls the skirt beside its legs."""
+    made = CELLS["dressed body: teleport 100 m, keep"].scene()
+    stand = made.motion(0.0)
+    short = replace(
+        made, busy=made.frame, calm=2 * made.frame, jump=None, motion=lambda t: stand.copy()
+    )
+    skirt = next(g.name for g in short.garments if "skirt" in g.name)
+    advance, frames = Simulation.advance, []
+
+    def beside(self, *args):
+        advance(self, *args)
+        frames.append(args)
+        if len(frames) > 2:  # after the first, of the undisturbed run
+            self.state(skirt).x[:, 1] += np.float32(0.06)
+
+    monkeypatch.setattr(Simulation, "advance", beside)
+    outcome = judge(short, "xpbd")
+    assert {"pierced", "inside"} <= set(outcome.faults), outcome
+    assert outcome.figures["pierced_undisturbed"] == 0
+    assert outcome.figures["inside_undisturbed"] < 0.005
+    assert outcome.figures["inside"] > 0.05
+
+
 def test_what_cannot_be_simulated_is_told_as_refused():
     cloth, colliders, motion = curtain()
     flat = replace(cloth, vertices=np.zeros_like(cloth.vertices))

@@ -20,6 +20,7 @@ from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.garment.outfit import make_outfit
 from garment_sim_ros.garment.outfit_file import outfit_from
 from garment_sim_ros.params import Environment
+from garment_sim_ros.recording import worn_watch
 from garment_sim_ros.ros.cloth_stepper import ClothStepper
 from garment_sim_ros.ros.compiler import Compiler, expected_scene
 from garment_sim_ros.sim.model import Parameters
@@ -70,6 +71,8 @@ def main(asked) -> None:
         time_jump=1.0,
     )
     rest = ColliderPoser(colliders, body).poses(rest_transforms(body.rig)).copy()
+    worn_watch.warm_up()
+    watch = worn_watch.WornWatch(colliders, body, outfit.garments)
     _watch()
     x = 0.0
     # Walks, runs late, jumps.
@@ -81,8 +84,10 @@ def main(asked) -> None:
         )
         stepper.add(stamp, poses, stamp)
         stepper.advance(stamp)
+        shown = {name: simulation.positions(name) for name in simulation.names}
+        watch.look(stepper.poses, shown)
+        watch.wait()
         for name in simulation.names:
-            simulation.positions(name)
             simulation.normals(name)
     for share in (1, None):
         for name in simulation.names:

@@ -1,0 +1,178 @@
+"""Whether garments are still worn, looked at while they move: see ``docs/worn.md``.
+
+`pierced` is looked at in every frame. `inside` takes the distance of many points from the skin:
+it is measured from time to time, in a thread of its own, and holds until it is measured again.
+"""
+
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.arrays import FloatArray, SingleArray
+from garment_sim_ros.body.skin import Body, Skin
+from garment_sim_ros.body.skinning import Skinner
+from garment_sim_ros.colliders.skin_from_poses import SkinFromPoses
+from garment_sim_ros.contact.pierced import PiercedSoFar
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.errors import GarmentSimError
+from garment_sim_ros.garment.garment import Garment
+from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.recording.metrics import GarmentMesh
+
+_PERIOD = 0.5
+"""Least time between two measurements of `inside` [s]."""
+_REST = 30.0
+"""Least such time per processor time of one."""
+_BIN = 5e-5
+"""Shares of a garment's area are counted in steps of this."""
+
+
+class Figures(NamedTuple):
+    """How well garments are worn.
+
+    Attributes:
+        pierced: Share of the frames so far in which a body part ran through.
+        inside_p99: Of what was measured so far, the 99th percentile; 0 before the first.
+        inside_median: The median.
+    """
+
+    pierced: float
+    inside_p99: float
+    inside_median: float
+
+
+class WornWatch:
+    """Looks after the garments on one body.
+
+    Args:
+        colliders: The body's colliders.
+        body: The body.
+        garments: What it wears.
+    """
+
+    def __init__(self, colliders: ColliderSet, body: Body, garments: Sequence[Garment]) -> None:
+        self._garments = {g.name: g for g in garments}
+        self._pierced = PiercedSoFar(colliders, list(self._garments))
+        self._inside = _InsideSoFar(colliders, body, garments)
+
+    def look(self, poses: ColliderPoses, positions: Mapping[str, SingleArray]) -> None:
+        """Look at one frame.
+
+        Args:
+            poses: World poses of the colliders.
+            positions: World positions of each garment's vertices [m], shape [v, 3].
+        """
+        self._pierced.add(
+            poses, {n: (x, self._garments[n].triangles) for n, x in positions.items()}
+        )
+        self._inside.offer(poses, positions)
+
+    def pierced_by(self, name: str) -> tuple[str, ...]:
+        """Bones that run through a garment in the latest frame."""
+        return self._pierced.now[name]
+
+    def inside(self, name: str) -> float:
+        """Share of a garment's area in the skin, as of the latest measurement."""
+        return self._inside.latest[name]
+
+    def figures(self, name: str | None = None) -> Figures:
+        """Of one garment, or of all where None: each counts as much as any other."""
+        counts = self._inside.counts
+        shares = counts[name] if name else np.sum(list(counts.values()), axis=0)
+        return Figures(self._pierced.share(name), _quantile(shares, 0.99), _quantile(shares, 0.5))
+
+    def wait(self) -> None:
+        """Until the measurement under way has ended."""
+        self._inside.wait()
+
+
+class _InsideSoFar:
+    """Measures `inside` of frames as they are offered, when there is time."""
+
+    def __init__(self, colliders: ColliderSet, body: Body, garments: Sequence[Garment]) -> None:
+        self._colliders, self._body, self._worn = colliders, body, garments
+        self.latest = dict.fromkeys((g.name for g in garments), 0.0)
+        bins = round(1.0 / _BIN) + 1
+        self.counts = {g.name: np.zeros(bins, np.int64) for g in garments}
+        self._thread: threading.Thread | None = None
+        self._not_before = 0.0
+        self._skin: SkinFromPoses | None = None
+
+    def offer(self, poses: ColliderPoses, positions: Mapping[str, SingleArray]) -> None:
+        """Measure a frame unless another is being measured, or was lately."""
+        if self._thread is not None and self._thread.is_alive():
+            return
+        if time.monotonic() < self._not_before:
+            return
+        copies = {name: x.astype(np.float64) for name, x in positions.items()}
+        # A daemon: the end of the process does not wait for it.
+        self._thread = threading.Thread(
+            target=self._measure, args=(poses.copy(), copies), daemon=True
+        )
+        self._not_before = np.inf
+        self._thread.start()
+
+    def wait(self) -> None:
+        """Until the measurement under way has ended."""
+        if self._thread is not None:
+            self._thread.join()
+
+    def _measure(self, poses: ColliderPoses, positions: Mapping[str, FloatArray]) -> None:
+        began = time.thread_time()
+        try:
+            self._begin()
+            assert self._skin is not None
+            self._distance.refit(self._skin.vertices(poses))
+            for name, x in positions.items():
+                if not np.isfinite(x).all():
+                    continue
+                mesh = self._meshes[name]
+                share = mesh.inside(self._distance.signed_distance(mesh.samples(x))[0])
+                self.counts[name][round(share / _BIN)] += 1
+                self.latest[name] = share
+        except GarmentSimError:
+            return  # A body without a skin to be inside of: not measured again.
+        self._not_before = time.monotonic() + max(_PERIOD, _REST * (time.thread_time() - began))
+
+    def _begin(self) -> None:
+        """What measuring needs, made in its thread when it is first needed."""
+        if self._skin is None:
+            skin = self._body.skin
+            self._meshes = {
+                g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in self._worn
+            }
+            self._distance = MeshDistance(skin.vertices, skin.triangles)
+            self._skin = SkinFromPoses(self._colliders, self._body)
+
+
+def _quantile(counts: NDArray[np.int64], share: float) -> float:
+    """The value that a share of what was counted does not exceed, in steps of the bins."""
+    total = int(counts.sum())
+    return 0.0 if total == 0 else _BIN * int(np.searchsorted(counts.cumsum(), share * total))
+
+
+def warm_up() -> None:
+    """Compile, or load from the cache, what looking at a frame runs."""
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype=np.int32)
+    faces.setflags(write=False)  # as those of garments are
+    hull = {"vertices": corners, "faces": faces}
+    colliders = ColliderSet(
+        colliders=tuple(Collider(name=n, kind="hull", bone=n, geometry=hull) for n in "ab")
+    )
+    poses = ColliderPoses.identity(2)
+    PiercedSoFar(colliders, ["scrap"]).add(poses, {"scrap": (corners.astype(np.float32), faces)})
+    skin = Skin(
+        vertices=corners,
+        triangles=faces,
+        bone=np.zeros((4, 1), np.int32),
+        weight=np.ones((4, 1)),
+        T_bone_bind=np.eye(4)[None],
+    )
+    distance = MeshDistance(corners, faces)
+    distance.refit(Skinner(skin).vertices(np.eye(4)[None]))
+    distance.signed_distance(corners)
