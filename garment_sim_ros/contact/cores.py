@@ -4,6 +4,7 @@ The core of a shape is the middle 70 % of its long axis. Where it runs through a
 part has cloth on both of its sides. Spheres have none.
 """
 
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -31,6 +32,7 @@ class Cores:
         collider: Collider that carries each core, shape [c].
         bone: Its bone, c names.
         ends: Both ends in the collider's own frame [m], shape [c, 2, 3].
+        depth: Least distance from each core to the surface of its shape [m], shape [c].
         solid_collider: Collider that carries each solid, shape [s].
         solid_bone: Its bone, s names.
         planes: Outward unit normals and offsets of all solids in their own frames, so that
@@ -42,6 +44,7 @@ class Cores:
     collider: IntArray
     bone: tuple[str, ...]
     ends: FloatArray
+    depth: FloatArray
     solid_collider: IntArray
     solid_bone: tuple[str, ...]
     planes: FloatArray
@@ -52,6 +55,7 @@ class Cores:
     def of(cls, colliders: ColliderSet) -> "Cores":
         """The cores of a set; hulls, grids and skins are solids, too."""
         ends: list[FloatArray] = []
+        depth: list[float] = []
         carrier: list[int] = []
         solids: list[int] = []
         planes: list[FloatArray] = []
@@ -59,17 +63,21 @@ class Cores:
             if c.kind == "capsule":
                 z = float(c.geometry["length"]) * (0.5 + 0.5 * _MIDDLE * np.array([-1.0, 1.0]))  # type: ignore[arg-type]
                 ends.append(z[:, None] * [0.0, 0.0, 1.0])
+                depth.append(min(float(c.geometry[k]) for k in ("radius0", "radius1")))  # type: ignore[arg-type]
                 carrier.append(i)
             elif c.kind == "ellipsoid":
                 radii = np.asarray(c.geometry["radii"], np.float64)
                 half = _MIDDLE * radii.max() * np.eye(3)[int(radii.argmax())]
                 ends.append(np.stack([-half, half]))
+                depth.append(float(radii.min()) * math.sqrt(1.0 - _MIDDLE**2))
                 carrier.append(i)
         for i, points in _clouds(colliders):
             ends.append(_middle(points))
             carrier.append(i)
+            depth.append(0.0)
             with suppress(QhullError):  # of flat ones, which nothing is inside of
                 planes.append(ConvexHull(points).equations)
+                depth[-1] = -float((ends[-1] @ planes[-1][:, :3].T + planes[-1][:, 3]).max())
                 solids.append(i)
         order = np.argsort(carrier, kind="stable")
         bone = [c.bone for c in colliders.colliders]
@@ -79,6 +87,7 @@ class Cores:
             collider=np.array([carrier[k] for k in order], np.int32),
             bone=core_bone,
             ends=np.array([ends[k] for k in order]).reshape(-1, 2, 3),
+            depth=np.array([depth[k] for k in order]),
             solid_collider=np.array(solids, np.int32),
             solid_bone=solid_bone,
             planes=np.concatenate([*planes, np.zeros((0, 4))]),

@@ -159,8 +159,15 @@ def dressed(
         backstop=_per_vertex(name, len(mesh.vertices), holds.backstop),
         soft=None if rigid.all() else soft,
         tethers=holds.tethers,
+        T_world_bone_rest=_bones_at_rest(measures),
     )
     return garment, notes
+
+
+def _bones_at_rest(measures: Measures) -> dict[str, FloatArray]:
+    """World transforms of all bones in the pose of the garment, by name."""
+    bones = major_bones(measures.body)
+    return dict(zip(bones.names, measures.T_world_joint[bones.joint], strict=True))
 
 
 def _per_vertex(

@@ -1,7 +1,7 @@
 """A garment ready to be simulated: mesh, material, pins and how it follows the body."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +52,8 @@ class Garment:
             None where nothing holds it.
         self_collision: The distance that its parts keep from each other [m]; None where it may
             pass through itself.
+        T_world_bone_rest: Transforms of all bones that are known in the pose of `vertices`, by
+            name, shape [4, 4]; those of `frames` need not be among them.
     """
 
     name: str
@@ -71,6 +73,7 @@ class Garment:
     soft: SoftAttachments | None = None
     tethers: float | None = None
     self_collision: float | None = None
+    T_world_bone_rest: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         v = len(self.vertices)

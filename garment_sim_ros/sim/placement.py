@@ -1,6 +1,6 @@
 """How garments follow the body: names of frames, pins, and placing on a pose."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -56,6 +56,10 @@ class GarmentLike(Protocol):
     @property
     def T_world_frame_rest(self) -> FloatArray:  # noqa: N802
         """Rest transforms of those frames, shape [b, 4, 4]."""
+
+    @property
+    def T_world_bone_rest(self) -> Mapping[str, FloatArray]:  # noqa: N802
+        """Rest transforms of all bones that are known, by name, shape [4, 4]."""
 
     @property
     def frame_index(self) -> IntArray:
@@ -152,16 +156,18 @@ def rest_transforms(garments: Iterable[GarmentLike], colliders: ColliderSet) -> 
     """Where colliders are in the rest pose that garments were made in.
 
     Returns:
-        Their world transforms, shape [n, 4, 4]; NaN where no garment rides on their bones.
+        Their world transforms, shape [n, 4, 4]; NaN where no garment knows their bones.
     """
     T = np.full((len(colliders), 4, 4), np.nan)
     bones = {c.bone for c in colliders.colliders}
     for garment in garments:
         frame_of = {name: f for f, name in enumerate(garment.frames)}
         for i, c in enumerate(colliders.colliders):
+            own = transform_from(c.position, c.orientation)
             # As in `find_frames`, a name that both have is the bone's.
+            if c.bone in garment.T_world_bone_rest:
+                T[i] = garment.T_world_bone_rest[c.bone] @ own
             if c.bone in frame_of:
-                own = transform_from(c.position, c.orientation)
                 T[i] = garment.T_world_frame_rest[frame_of[c.bone]] @ own
             elif c.name in frame_of and c.name not in bones:
                 T[i] = garment.T_world_frame_rest[frame_of[c.name]]

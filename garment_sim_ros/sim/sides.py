@@ -51,7 +51,9 @@ def shape_sides(
             continue
         if not np.isfinite(T_world_rest[index]).all():
             continue
-        f = frame_of[c.bone if c.bone in frame_of else c.name]
+        f = frame_of.get(c.bone, frame_of.get(c.name, -1))
+        if f < 0:
+            continue
         start, end = transform_points(T_world_rest[index], shapes.bound[k, :6].reshape(2, 3))
         along = end - start
         t = np.clip((x - start) @ along / max(along @ along, 1e-300), 0.0, 1.0)

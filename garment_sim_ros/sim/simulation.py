@@ -29,6 +29,7 @@ from garment_sim_ros.sim.loop import take_step
 from garment_sim_ros.sim.model import ClothModel, Parameters
 from garment_sim_ros.sim.motion import to_file_order
 from garment_sim_ros.sim.placement import GarmentLike, blend, rest_transforms
+from garment_sim_ros.sim.putting_on import rest_at, time_from
 from garment_sim_ros.sim.settle import settle
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.sim.state import State
@@ -93,7 +94,8 @@ class Simulation:
         self.solver = solver
         self.solver_step = solver_step
         self._solver = SOLVERS[solver]
-        self._motion = ColliderMotion(colliders, rest_transforms(garments, colliders))
+        self._T_world_rest = rest_transforms(garments, colliders)
+        self._motion = ColliderMotion(colliders, self._T_world_rest)
         self._colliders = self._motion.state
         if self._colliders.skin is not None and solver != "relaxation":
             raise ParameterError("solver", f"found {solver!r}", "allowed with a mesh: relaxation")
@@ -250,7 +252,9 @@ class Simulation:
         return out
 
     def reset(self, poses: ColliderPoses) -> None:
-        """Places every garment on a pose and lets it settle there, without a kick afterwards.
+        """Puts every garment on and lets it settle on a pose, without a kick afterwards.
+
+        It is put on in its rest pose; the body then moves to the pose, see `putting_on`.
 
         Args:
             poses: World poses of the colliders.
@@ -260,19 +264,35 @@ class Simulation:
         """
         self._motion.check(poses)
         self._is_on = True
+        self._restart()
+        rest = rest_at(self._T_world_rest, poses, self.collider_set.root)
+        duration = time_from(rest, poses)
+        if duration > 0.0:
+            self._put_on(rest)
+            self.advance(rest, poses, duration)
+            self._motion.interpolate(poses, poses, 0.0, 1.0)
+            self._restart()
+        else:
+            self._put_on(poses)
         self._at.assign(poses)
+        colliders = self._colliders
+        for worn in self._worn.values():
+            worn.health.settling_steps = self._settle(worn)
+            worn.watch(colliders, self.solver_step)
+
+    def _restart(self) -> None:
+        """Time begins anew."""
         self.time = 0.0
         self._wind.begin(self.parameters.environment)
         self._acting = self.parameters
-        colliders = self._colliders
+
+    def _put_on(self, poses: ColliderPoses) -> None:
+        """Places every garment on a pose, where it would be as skin."""
         self._motion.stand(poses)
         for worn in self._worn.values():
-            x_world = blend(worn.garment, worn.frames.world(poses))
-            worn.place(x_world, colliders)
+            worn.place(blend(worn.garment, worn.frames.world(poses)), self._colliders)
             for _, pair in self._under[worn.garment.name]:
                 pair.forget()
-            worn.health.settling_steps = self._settle(worn)
-            worn.watch(colliders, self.solver_step)
 
     def step(self, poses: ColliderPoses | None = None, dt: float = 1 / 60) -> None:
         """Advances all garments while the colliders move from where they are to new poses.

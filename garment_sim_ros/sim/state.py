@@ -14,6 +14,7 @@ import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, SingleArray
 from garment_sim_ros.contact.collide import Contacts
+from garment_sim_ros.contact.guard.guard import Guard
 from garment_sim_ros.contact.papers.earliest.contact import EarliestContact
 from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.sim.holds.tethers import Attached
@@ -60,6 +61,7 @@ class Workspace:
         contacts: Contacts of the free particles in the last step.
         contact_count: Number of free particles in contact in the last step.
         attached: Tethers and soft attachments.
+        guard: What keeps body parts from changing sides of the garment.
         limited: Whether distance limits act on the garment.
         earliest: Scratch of contact by the earliest hit; None until a step needs it.
         limits: What the solver does not take as the material has it, in words.
@@ -75,6 +77,7 @@ class Workspace:
     contact_count: int
     motion: FloatArray
     attached: Attached
+    guard: Guard
     keep: float = 1.0
     limited: bool = False
     earliest: EarliestContact | None = None
@@ -92,4 +95,5 @@ class Workspace:
             contact_count=0,
             motion=np.zeros(2),
             attached=Attached.none(),
+            guard=Guard.none(model.free_count),
         )

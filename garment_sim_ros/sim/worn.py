@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, SingleArray
+from garment_sim_ros.contact.guard.guard import Guard
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.sim.colliders import ColliderState
@@ -89,6 +90,9 @@ class Worn(Piece):
         row, side = shape_sides(garment, collider_set, colliders.shapes)
         workspace.attached = attached_to(garment, frames, model)
         workspace.sides = Sides.of(row[model.vertex[: model.free_count]], side)
+        workspace.guard = Guard.of(
+            collider_set, colliders.shapes, model.particle_triangles, workspace.sides.side
+        )
         places = None
         if garment.max_distance is not None or garment.backstop is not None:
             places = SkinPlaces(garment, frames, model)
@@ -143,6 +147,7 @@ class Worn(Piece):
         if self.letting_go is not None:
             self.letting_go.forget()
         self.workspace.attached.forget()
+        self.workspace.guard.forget()
         if self.places is not None:
             self.places.forget()
         for constraint in self.constraints:

@@ -6,6 +6,7 @@ import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.collide import Contacts
+from garment_sim_ros.contact.guard.guard import Guard
 from garment_sim_ros.contact.packed import PackedShapes, PosedShapes
 from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.contact.sweep import Sweep
@@ -110,6 +111,7 @@ class Bodies(NamedTuple):
         way: See `contact.sweep.Sweep`.
         sides: Which shapes are on the outer side of which particle.
         contacts: Contacts of the last search.
+        guard: What keeps cores out of triangles.
     """
 
     shapes: PackedShapes
@@ -118,6 +120,7 @@ class Bodies(NamedTuple):
     way: Sweep
     sides: Sides
     contacts: Contacts
+    guard: Guard
 
 
 class Rule(NamedTuple):

@@ -165,6 +165,7 @@ def _around(workspace: XpbdWorkspace, colliders: ColliderState) -> tuple[Frames,
         way=colliders.sweep,
         sides=workspace.sides,
         contacts=workspace.contacts,
+        guard=workspace.guard,
     )
     return frames, bodies
 

@@ -7,6 +7,7 @@ what else acts between searches need not wait for it.
 import numpy as np
 
 from garment_sim_ros.contact.collide import collide_particles
+from garment_sim_ros.contact.guard.keep_out import keep_out
 from garment_sim_ros.contact.sweep import sweep
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.sim.holds.tether_kernels import pull_attached
@@ -214,6 +215,17 @@ def meet(own, bodies, planes, rule, has_planes):
         rule.thickness,
         rule.friction,
         bodies.contacts,
+    )
+    since = dt * np.float32(rule.search_every) if has_planes else dt
+    keep_out(
+        bodies.guard,
+        bodies,
+        own.x_search,
+        own.x_predicted,
+        own.x,
+        own.v,
+        rule.thickness,
+        since,
     )
     carry = bodies.posed.carry
     stop_at_contacts(

@@ -1,0 +1,1 @@
+"""Cores of body parts are kept out of the triangles of garments."""

@@ -1,0 +1,244 @@
+"""No limb changes the side of a garment: cores of body parts are kept out of its triangles.
+
+Contact moves particles out of shapes. Between particles, and where shapes press cloth from two
+sides, a limb gets through all the same. The guard acts after each search for contacts, on the
+triangles that are nearer to the core of a body part than its `radius`. On which side of a core a
+triangle is, is remembered from search to search as long as the two are near each other; what
+crossed on its way comes back to the side that it came from. A core that is found in a triangle
+without having come from anywhere is led out: to the outside where its shape is outside of the
+cloth there, else to the inside.
+
+A limb that the motion presses into another one leaves no place for cloth between the two. The
+cloth then stays on the limb: what the other shape does to particles that the guard holds is
+undone. So is what the limb's own shape does, where the short way out of it leads through the
+core.
+"""
+
+import numpy as np
+
+from garment_sim_ros.contact.distance import shape_distance
+from garment_sim_ros.contact.guard.crossing import CROSSED, FOUND_IN, crossing, direction
+from garment_sim_ros.contact.guard.guard import TRACK
+from garment_sim_ros.contact.guard.near import core, corner, find_near, pose_cores
+from garment_sim_ros.contact.guard.nearest import along_segment, cross, dot, less, way_out
+from garment_sim_ros.jit import kernel, lean_kernel
+
+_PASSES = 4
+_FARTHEST = 0.02
+"""Farthest that a triangle is moved in one pass [m]."""
+_CLOSE = 1e-4
+"""From the second pass on, a distance that is too short by less is left [m]."""
+_NO_PASS = 0.008
+"""What particles near a core may move relative to it from search to search, at least [m]."""
+
+
+@lean_kernel(forceinline=True)
+def _put(x, q, m):
+    for axis in range(3):
+        x[q, axis] = m[axis]
+
+
+@lean_kernel()
+def _slow_down(guard, x_before, x, v, q, c, time):
+    """Lets particle q move by the radius of core c at most, relative to it and since last time.
+
+    What is faster is an edge that snaps back, and would be past the core before it is looked at.
+    """
+    p0, d0 = core(guard.posed[0], c)
+    p1, d1 = core(guard.posed[1], c)
+    start = corner(x_before, q)
+    s, _ = along_segment(p0, d0, start)
+    ride = (
+        p1[0] + s * d1[0] - p0[0] - s * d0[0],
+        p1[1] + s * d1[1] - p0[1] - s * d0[1],
+        p1[2] + s * d1[2] - p0[2] - s * d0[2],
+    )
+    way = less(less(corner(x, q), start), ride)
+    length = np.sqrt(dot(way, way))
+    longest = max(guard.radius[c], _NO_PASS)
+    if length <= longest:
+        return
+    r, f = longest / length, 1.0 / time
+    for axis in range(3):
+        x[q, axis] = start[axis] + ride[axis] + r * way[axis]
+        v[q, axis] = f * ride[axis] + r * (v[q, axis] - f * ride[axis])
+
+
+@lean_kernel()
+def _is_undone(guard, bodies, x_free, q, c, thickness):
+    """Whether core c holds particle q against what contact did to it."""
+    k = bodies.contacts.shape[q]
+    p, d = core(guard.posed[1], c)
+    m = corner(x_free, q)
+    s, _ = along_segment(p, d, m)
+    y = (p[0] + s * d[0], p[1] + s * d[1], p[2] + s * d[2])
+    if k == guard.shape[c]:
+        return dot(corner(bodies.contacts.normal, q), less(m, y)) < 0.0
+    reach = np.float32(guard.radius[c]) + thickness
+    distance, _, _, _ = shape_distance(
+        bodies.shapes,
+        bodies.posed,
+        k,
+        np.float32(y[0]),
+        np.float32(y[1]),
+        np.float32(y[2]),
+        reach,
+    )
+    return distance < reach
+
+
+@lean_kernel(forceinline=True)
+def _let_go(guard, bodies, x_before, x_free, x, v, thickness, time):
+    """What the guard held until now: slowed down, freed of what contact did, and let go of."""
+    for q in range(guard.kept.size):
+        c = guard.kept[q]
+        guard.kept[q] = -1
+        if c < 0:
+            continue
+        _slow_down(guard, x_before, x_free, v, q, c, time)
+        if bodies.contacts.shape[q] < 0 or _is_undone(guard, bodies, x_free, q, c, thickness):
+            bodies.contacts.shape[q] = -1
+            for axis in range(3):
+                x[q, axis] = x_free[q, axis]
+
+
+@lean_kernel()
+def _find_side(guard, x_before, x, c, t, m, distance, u, v):
+    """Finds, once in a search, on which side of core c triangle t belongs.
+
+    Args:
+        guard: `Guard`.
+        x_before: Positions at the last search [m], shape [n, 3].
+        x: Positions now [m], shape [n, 3].
+        c: A core.
+        t: A triangle near it.
+        m: The direction to it now.
+        distance: The distance now [m], 0 where the core runs through it.
+        u: From the first corner of the triangle to the second.
+        v: To the third.
+    """
+    now = guard.counts[0]
+    known = guard.seen[c, t] == now - 1
+    guard.seen[c, t] = now
+    if known and guard.crossed[c, t]:
+        return
+    guard.crossed[c, t] = False
+    # Only where it could have gone through it has to be looked at how it went.
+    if known and distance > 0.0 and dot(m, corner(guard.side[c], t)) > 0.0:
+        return
+    came_from, how = crossing(guard, x_before, x, c, t)
+    if how == CROSSED:
+        _put(guard.side[c], t, came_from)
+        guard.crossed[c, t] = True
+    elif how == FOUND_IN and distance == 0.0:
+        n = cross(u, v)
+        r = 1.0 / np.sqrt(max(dot(n, n), 1e-30))
+        r = -r if guard.outside[c, t] else r
+        _put(guard.side[c], t, (r * n[0], r * n[1], r * n[2]))
+        guard.crossed[c, t] = True
+        guard.counts[3] += 1
+    else:
+        _put(guard.side[c], t, m)
+
+
+@lean_kernel(forceinline=True)
+def _move(guard, contacts, x, c, t, m, way, g, h, whole):
+    """Moves triangle t by `way` along m: all of it, or by weights g and h of its last corners.
+
+    Returns:
+        Whether any of it can move.
+    """
+    free = guard.kept.size
+    f = 1.0 - g - h
+    if whole:
+        f = g = h = 1.0
+    i, j, k = guard.triangles[t, 0], guard.triangles[t, 1], guard.triangles[t, 2]
+    f, g, h = f if i < free else 0.0, g if j < free else 0.0, h if k < free else 0.0
+    total = max(f, max(g, h)) if whole else f * f + g * g + h * h
+    if not total > 1e-6:
+        return False
+    way = min(way, _FARTHEST) / total
+    for n in range(3):
+        q = guard.triangles[t, n]
+        own = way * (f if n == 0 else (g if n == 1 else h))
+        if not own > 0.0:
+            continue
+        for axis in range(3):
+            x[q, axis] += own * m[axis]
+            contacts.normal[q, axis] = m[axis]
+        contacts.shape[q] = guard.shape[c]
+        contacts.depth[q] = own
+        guard.kept[q] = c
+    return True
+
+
+@lean_kernel()
+def _part(guard, contacts, x_before, x, attempt):
+    """One Gauss-Seidel pass over the pairs; how many triangles were moved."""
+    moved = 0
+    for n in range(guard.counts[1]):
+        c, t = guard.pairs[0, n], guard.pairs[1, n]
+        i, j, k = guard.triangles[t, 0], guard.triangles[t, 1], guard.triangles[t, 2]
+        p, d = core(guard.posed[1], c)
+        a = corner(x, i)
+        u, v = less(corner(x, j), a), less(corner(x, k), a)
+        m, g, h, distance = direction(p, d, a, u, v)
+        owed = guard.crossed[c, t] and guard.seen[c, t] >= guard.counts[0] - 1
+        if distance > guard.radius[c] + TRACK and not owed:
+            continue
+        if attempt == 0 and guard.outside[c, t]:
+            for q in (i, j, k):
+                if q < guard.kept.size and guard.kept[q] < 0:
+                    guard.kept[q] = c
+        if guard.seen[c, t] != guard.counts[0]:
+            _find_side(guard, x_before, x, c, t, m, distance, u, v)
+        side = corner(guard.side[c], t)
+        way, whole = guard.radius[c] - distance, False
+        if guard.crossed[c, t] and (distance == 0.0 or dot(m, side) <= 0.0):
+            out = way_out(p, d, a, u, v, side)
+            if out >= 0.0:
+                m, way, whole = side, out + guard.radius[c], True
+        if not whole:
+            guard.crossed[c, t] = False
+            if distance == 0.0:
+                continue
+            _put(guard.side[c], t, m)
+        if way > (_CLOSE if attempt else 0.0) and _move(
+            guard, contacts, x, c, t, m, way, g, h, whole
+        ):
+            moved += 1
+    return moved
+
+
+@kernel()
+def keep_out(guard, bodies, x_before, x_free, x, v, thickness, time):
+    """Keeps all cores out of all triangles after a search for contacts.
+
+    Particles that it moves are in contact with the shape of the core from then on.
+
+    Args:
+        guard: `contact.guard.guard.Guard`, changed in place.
+        bodies: A tuple with packed `shapes`, the same `posed` now, `since` with the way since the
+            last search, and `contacts` of the free particles, which are changed in place.
+        x_before: Positions at the last search [m], shape [n, 3].
+        x_free: Positions now, before contact, changed in place [m], shape [n, 3].
+        x: The same after contact, changed in place [m], shape [n, 3].
+        v: Velocities, changed in place [m/s], shape [n, 3].
+        thickness: Distance to keep from surfaces [m].
+        time: Since the last search [s].
+
+    Returns:
+        How many triangles were moved in the first pass.
+    """
+    guard.counts[0] += 1
+    pose_cores(guard, bodies.posed, bodies.since.carry)
+    _let_go(guard, bodies, x_before, x_free, x, v, thickness, time)
+    guard.counts[1] = find_near(guard, x)
+    guard.counts[2] = 0
+    for attempt in range(_PASSES):
+        moved = _part(guard, bodies.contacts, x_before, x, attempt)
+        if attempt == 0:
+            guard.counts[2] = moved
+        if moved == 0:
+            break
+    return guard.counts[2]

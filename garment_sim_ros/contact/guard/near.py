@@ -1,0 +1,112 @@
+"""Cores and triangles that are near each other: the guard's broad phase."""
+
+import numpy as np
+
+from garment_sim_ros.contact.guard.guard import BLOCK, TRACK
+from garment_sim_ros.contact.guard.nearest import along_segment, dot, less
+from garment_sim_ros.jit import lean_kernel
+
+
+@lean_kernel(forceinline=True)
+def corner(x, i):
+    """Position i of an array [n, 3]."""
+    return float(x[i, 0]), float(x[i, 1]), float(x[i, 2])
+
+
+@lean_kernel(forceinline=True)
+def core(ends, c):
+    """One end of core c, and the way to the other."""
+    p = (ends[c, 0, 0], ends[c, 0, 1], ends[c, 0, 2])
+    return p, (ends[c, 1, 0] - p[0], ends[c, 1, 1] - p[1], ends[c, 1, 2] - p[2])
+
+
+@lean_kernel(forceinline=True)
+def pose_cores(guard, posed, carry):
+    """Ends of the cores now, and where they were at the last search, about the local origin.
+
+    Args:
+        guard: `Guard`.
+        posed: Shapes, posed now.
+        carry: How points moved with the shapes since the last search, see `PosedShapes`.
+    """
+    for c in range(guard.shape.size):
+        k = guard.shape[c]
+        R, t, turn = posed.rotation[k], posed.centre[k], carry[k]
+        for end in range(2):
+            e, before, now = guard.ends[c, end], guard.posed[0, c, end], guard.posed[1, c, end]
+            for r in range(3):
+                now[r] = R[r, 0] * e[0] + R[r, 1] * e[1] + R[r, 2] * e[2] + t[r]
+            # The inverse of p + turn p + way, with a rotation 1 + turn.
+            a, b, d = now[0] - turn[0, 3], now[1] - turn[1, 3], now[2] - turn[2, 3]
+            before[0] = a + turn[0, 0] * a + turn[1, 0] * b + turn[2, 0] * d
+            before[1] = b + turn[0, 1] * a + turn[1, 1] * b + turn[2, 1] * d
+            before[2] = d + turn[0, 2] * a + turn[1, 2] * b + turn[2, 2] * d
+
+
+@lean_kernel(forceinline=True)
+def _box_triangles(guard, x):
+    """A box for each block of triangles."""
+    triangles, box = guard.triangles, guard.box
+    for b in range(len(box)):
+        i = triangles[b * BLOCK, 0]
+        lx = hx = x[i, 0]
+        ly = hy = x[i, 1]
+        lz = hz = x[i, 2]
+        for n in range(b * BLOCK, min(len(triangles), (b + 1) * BLOCK)):
+            for k in range(3):
+                i = triangles[n, k]
+                lx, hx = min(lx, x[i, 0]), max(hx, x[i, 0])
+                ly, hy = min(ly, x[i, 1]), max(hy, x[i, 1])
+                lz, hz = min(lz, x[i, 2]), max(hz, x[i, 2])
+        box[b, 0], box[b, 1], box[b, 2] = lx, ly, lz
+        box[b, 3], box[b, 4], box[b, 5] = hx, hy, hz
+
+
+@lean_kernel(forceinline=True)
+def _block_is_near(box, b, p, d, reach):
+    """Whether something in the box of block b may be within `reach` of the segment p + s d."""
+    hx, hy, hz = box[b, 3] - box[b, 0], box[b, 4] - box[b, 1], box[b, 5] - box[b, 2]
+    m = (box[b, 0] + 0.5 * hx, box[b, 1] + 0.5 * hy, box[b, 2] + 0.5 * hz)
+    _, square = along_segment(p, d, m)
+    return square <= (reach + 0.5 * np.sqrt(hx * hx + hy * hy + hz * hz)) ** 2
+
+
+@lean_kernel(forceinline=True)
+def find_near(guard, x):
+    """Writes the pairs that may be within a core's radius and `TRACK` of each other.
+
+    Args:
+        guard: `Guard`, whose `pairs` are the output.
+        x: Positions of all particles [m], shape [n, 3].
+
+    Returns:
+        Their number.
+    """
+    _box_triangles(guard, x)
+    box, triangles = guard.box, guard.triangles
+    count = 0
+    for c in range(guard.shape.size):
+        reach = guard.radius[c] + TRACK
+        p, d = core(guard.posed[1], c)
+        lx, hx = min(p[0], p[0] + d[0]) - reach, max(p[0], p[0] + d[0]) + reach
+        ly, hy = min(p[1], p[1] + d[1]) - reach, max(p[1], p[1] + d[1]) + reach
+        lz, hz = min(p[2], p[2] + d[2]) - reach, max(p[2], p[2] + d[2]) + reach
+        for b in range(len(box)):
+            apart_x = (box[b, 0] > hx) | (box[b, 3] < lx)
+            apart_y = (box[b, 1] > hy) | (box[b, 4] < ly)
+            apart_z = (box[b, 2] > hz) | (box[b, 5] < lz)
+            if apart_x | apart_y | apart_z or not _block_is_near(box, b, p, d, reach):
+                continue
+            for t in range(b * BLOCK, min(len(triangles), (b + 1) * BLOCK)):
+                i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+                a, e, f = corner(x, i), corner(x, j), corner(x, k)
+                m = (0.5 * (a[0] + e[0]), 0.5 * (a[1] + e[1]), 0.5 * (a[2] + e[2]))
+                to_a, to_f = less(a, m), less(f, m)
+                size = np.sqrt(max(dot(to_a, to_a), dot(to_f, to_f)))
+                _, square = along_segment(p, d, m)
+                if square > (reach + size) ** 2 or count == guard.pairs.shape[1]:
+                    continue
+                guard.pairs[0, count] = c
+                guard.pairs[1, count] = t
+                count += 1
+    return count

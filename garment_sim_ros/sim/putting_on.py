@@ -1,0 +1,54 @@
+"""Garments are put on a body at rest, which then moves to its first pose, as a person would.
+
+Placed like skin on a pose with hanging arms, a skirt begins with the hands inside of it, and no
+contact can tell any more on which side they belong.
+"""
+
+import math
+
+import numpy as np
+
+from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.contact.shapes import ColliderPoses
+from garment_sim_ros.geometry.transforms import (
+    invert_transform,
+    quaternion_from_matrix,
+    transform_from,
+)
+
+_SPEED = 1.5
+"""Of the fastest collider on the way to the first pose [m/s]."""
+_LONGEST = 1.0
+"""Longest time that the way takes [s]."""
+_NEAR = 0.01
+"""What is nearer to its rest is there [m]."""
+
+
+def rest_at(T_world_rest: FloatArray, poses: ColliderPoses, root: int) -> ColliderPoses:
+    """The body in the garments' rest pose, its root where it is in other poses.
+
+    Args:
+        T_world_rest: World transforms of the colliders at rest, shape [n, 4, 4]; NaN where that is
+            not known.
+        poses: World poses of the colliders.
+        root: The collider that the body is placed by.
+
+    Returns:
+        World poses; those of `poses` where the rest is not known.
+    """
+    rest = poses.copy()
+    T = transform_from(poses.position, poses.orientation)
+    if len(T) and np.isfinite(T_world_rest[root]).all():
+        known = np.isfinite(T_world_rest).all(axis=(1, 2))
+        there = T[root] @ invert_transform(T_world_rest[root]) @ T_world_rest[known]
+        rest.position[known] = there[:, :3, 3]
+        rest.orientation[known] = quaternion_from_matrix(there[:, :3, :3])
+    return rest
+
+
+def time_from(rest: ColliderPoses, poses: ColliderPoses) -> float:
+    """How long a body takes from its rest to other poses [s]; 0 where it is there already."""
+    if not len(rest.position):
+        return 0.0
+    way = float(np.linalg.norm(poses.position - rest.position, axis=1).max())
+    return 0.0 if way < _NEAR else min(_LONGEST, math.ceil(60.0 * way / _SPEED) / 60.0)
