@@ -1,5 +1,7 @@
 """The guard's geometry against its twins, and limbs that must not change sides of a sheet."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -111,7 +113,7 @@ def push_through(garment, colliders, path, rate=180.0):
     simulation = Simulation(garment, colliders, solver_step=1 / rate)
     simulation.reset(path[0])
     meter = PiercedMeter(colliders)
-    for start, end in zip(path, path[1:]):
+    for start, end in pairwise(path):
         simulation.advance(start, end, 1 / rate)
         meter.add(end, {"cloth": (simulation.positions("cloth"), garment.triangles)})
     return meter.result().share, simulation
