@@ -197,5 +197,6 @@ def _sheet(side: int, **asked: object) -> SimpleNamespace:
         "pin_frame": np.zeros(1, np.int32),
         "passed_by": (),
         "layer": 0,
+        "T_world_bone_rest": {},
     }
     return SimpleNamespace(**{**plain, **nothing, **asked})
