@@ -228,7 +228,8 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
                     qy = py + my * left
                     qz = pz + mz * left
                     away = _length(qx - ox, qy - oy, qz - oz)
-                    if not block[NEXT + lane] - away > rim:
+                    # Farther out than `valid` are shapes that the block knows nothing of.
+                    if not (block[NEXT + lane] - away > rim and away + rounding <= valid):
                         n = shapes_near_particle(
                             sides.side,
                             p,

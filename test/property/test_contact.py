@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from naive import naive
 
@@ -102,14 +102,23 @@ def test_order_of_colliders_does_not_matter(seed):
 
 
 @given(st.integers(0, 10**6))
+@example(15)
+@example(72)
+@example(78)
+@example(410909)
 @settings(derandomize=True, deadline=None, max_examples=40)
 def test_block_rejection_changes_nothing(seed):
+    """Nothing is missed, neither by a block of one nor by one of many; several at once may round.
+
+    In the examples one is so deep that its way out ends in a shape that does not come near where
+    it was.
+    """
     rng = np.random.default_rng(seed)
     colliders, poses = random_scene(rng, 6)
     x = rng.uniform(-0.3, 0.3, (100, 3))
     together, _, _ = run(colliders, poses, x)
     alone = np.concatenate([run(colliders, poses, p[None])[0] for p in x])
-    assert (together == alone).all()
+    np.testing.assert_allclose(together, alone, atol=1e-6, rtol=0)
 
 
 @pytest.mark.parametrize(
