@@ -115,6 +115,8 @@ exact_kernel = partial(_compiler, fastmath=False)
 
 _dispatcher: Any = Dispatcher
 _compile = _dispatcher._compile_for_args
+_found: dict[tuple[Dispatcher, tuple[Any, ...]], None] = {}
+"""What `kernels_of` has found."""
 
 
 def kernels_of(run: Callable[[], object]) -> list[tuple[Dispatcher, tuple[Any, ...]]]:
@@ -122,14 +124,14 @@ def kernels_of(run: Callable[[], object]) -> list[tuple[Dispatcher, tuple[Any, .
 
     Nothing is compiled: kernels run as plain Python. For processes that do nothing else.
     """
-    found: dict[tuple[Dispatcher, tuple[Any, ...]], None] = {}
     depth = 0
+    _found.clear()
 
     def note(kernel_: Dispatcher, *_: Any) -> Callable[..., Any]:
         def plain(*arguments: Any) -> Any:
             nonlocal depth
             if depth == 0:
-                found[kernel_, tuple(numba.typeof(a) for a in arguments)] = None
+                _found[kernel_, tuple(numba.typeof(a) for a in arguments)] = None
             depth += 1
             try:
                 result = kernel_.py_func(*arguments)
@@ -145,7 +147,7 @@ def kernels_of(run: Callable[[], object]) -> list[tuple[Dispatcher, tuple[Any, .
             run()
     finally:
         _dispatcher._compile_for_args = _compile
-    return list(found)
+    return list(_found)
 
 
 def _as_returned(result: Any) -> Any:
@@ -161,9 +163,12 @@ def compiled(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any
     To choose it by the types of a hundred arrays takes longer than many a kernel. It does not
     look at its arguments: they must have exactly these types.
     """
-    if not isinstance(function, Dispatcher) or _dispatcher._compile_for_args is not _compile:
-        return function  # Compilation is switched off, or calls are only noted.
+    if not isinstance(function, Dispatcher):
+        return function  # Compilation is switched off.
     types = tuple(numba.typeof(argument) for argument in arguments)
+    if _dispatcher._compile_for_args is not _compile:  # Calls are only noted.
+        _found[function, types] = None
+        return function
     function.compile(types)
     machine: Any = function.overloads[types]
     return machine.entry_point

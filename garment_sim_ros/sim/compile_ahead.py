@@ -75,7 +75,7 @@ def main() -> int:
     _wanted.extend(jit.kernels_of(lambda: warm_up(scene, solver, parameters)))
     signal.alarm(0)
     # The longest first, so that none is left alone with it in the end.
-    order = sorted(range(len(_wanted)), key=lambda i: -len(_wanted[i][0].py_func.__code__.co_code))
+    order = sorted(range(len(_wanted)), key=lambda i: -_size(_wanted[i][0], set()))
     processes = min(_cores(), len(order), _MOST_PROCESSES)
     with multiprocessing.get_context("fork").Pool(processes) as pool:
         threading.Thread(target=_end_with_caller, args=(pool,), daemon=True).start()
@@ -90,6 +90,18 @@ def _compile(index: int) -> None:
         kernel.compile(types)
     except Exception:
         return  # The caller's own `warm_up` says what is wrong.
+
+
+def _size(kernel: Any, seen: set[Any]) -> int:
+    """How much there is to compile: its code and that of all kernels that it calls [bytes]."""
+    seen.add(kernel)
+    function = kernel.py_func
+    called = (function.__globals__.get(name) for name in function.__code__.co_names)
+    return len(function.__code__.co_code) + sum(
+        _size(other, seen)
+        for other in called
+        if isinstance(other, type(kernel)) and other not in seen
+    )
 
 
 def _end_with_caller(pool: Any) -> None:

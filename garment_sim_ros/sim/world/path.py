@@ -6,6 +6,7 @@ import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, SingleArray
 from garment_sim_ros.contact.packed import Bounds, PosedShapes, Poses, pose_shapes
+from garment_sim_ros.geometry.copying import copy
 from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.jit import kernel
 
@@ -74,8 +75,8 @@ class Way(NamedTuple):
 
 @kernel(forceinline=True)
 def _assign(poses, others):
-    poses.position[:] = others.position
-    poses.orientation[:] = others.orientation
+    copy(others.position, poses.position)
+    copy(others.orientation, poses.orientation)
 
 
 @kernel()
@@ -93,10 +94,10 @@ def begin(way):
     _assign(way.now, way.start)
     _assign(way.searched, way.start)
     if still:
-        way.since[:] = way.posed.carry
+        copy(way.posed.carry, way.since)
         for s in range(way.path.position.shape[0]):
-            way.path.position[s] = way.start.position
-            way.path.orientation[s] = way.start.orientation
+            copy(way.start.position, way.path.position[s])
+            copy(way.start.orientation, way.path.orientation[s])
     return still, goes_on
 
 
@@ -127,10 +128,10 @@ def follow(way, first, last, count, searches):
                 now.orientation,
             )
         slot = s % path.position.shape[0]
-        path.position[slot] = now.position
-        path.orientation[slot] = now.orientation
+        copy(now.position, path.position[slot])
+        copy(now.orientation, path.orientation[slot])
     if searches:
         pose_shapes(way.shapes, searched, now, way.origin, way.scratch, way.posed)
-        way.since[:] = way.posed.carry
+        copy(way.posed.carry, way.since)
         _assign(searched, now)
     pose_shapes(way.shapes, before, now, way.origin, way.scratch, way.posed)

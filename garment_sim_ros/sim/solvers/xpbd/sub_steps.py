@@ -9,6 +9,7 @@ import numpy as np
 from garment_sim_ros.contact.collide import collide_particles
 from garment_sim_ros.contact.guard.keep_out import keep_out
 from garment_sim_ros.contact.sweep import sweep
+from garment_sim_ros.geometry.copying import copy
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.sim.holds.tether_kernels import pull_attached
 from garment_sim_ros.sim.motion import carry_pins, glide
@@ -60,7 +61,7 @@ def begin(own, rule, goes_on):
     flags[_KNOWN] = goes_on and same(own.x, own.x_end)
     if flags[_FAST] or not flags[_KNOWN]:
         own.low[:] = np.float32(0.0)
-    own.x_search[:] = own.x
+    copy(own.x, own.x_search)
     glide(own.x_search, own.v, rule.dt * np.float32(rule.search_every), own.x_coast)
     return flags[_KNOWN] != 0
 
@@ -73,7 +74,7 @@ def _bend(own, ready, rule):
     cloth quiver against its edges.
     """
     loose, every = 3 * rule.free, rule.bend_every
-    own.x_predicted[:] = own.v
+    copy(own.v, own.x_predicted)
     between = rule.dt * np.float32(every)
     bend(own.x, own.x_predicted, ready.hinge_particles, ready.hinges, between)
     share_out(
@@ -86,53 +87,37 @@ def _bend(own, ready, rule):
 
 
 @kernel(forceinline=True)
-def _stretch_fast(own, elastic, frames, slot, rule):
-    """Prediction, pins, and a pass over the edges on positions."""
-    free, loose, dt = rule.free, 3 * rule.free, rule.dt
-    x, v = own.x.reshape(-1), own.v.reshape(-1)[:loose]
-    predicted = own.x_predicted.reshape(-1)[:loose]
-    fall(x[:loose], v, own.x_start.reshape(-1)[:loose], predicted, own.push, rule.keep, dt)
-    carry_pins(
-        own.x[free:],
-        own.v[free:],
-        elastic.pin_collider,
-        elastic.pin_position,
-        frames.position[slot],
-        frames.orientation[slot],
-        frames.origin,
-        dt,
-    )
-    pull_cells(x, x, False, elastic.coarse)
-    solve_edges(x, elastic.ready.edge_particles, elastic.ready.edges)
-    gain(x[:loose], v, predicted, np.float32(1.0) / dt)
+def _predict(own, rule, moved):
+    """Where outer forces and bending lead; positions stay where edges are solved exactly."""
+    loose, dt = 3 * rule.free, rule.dt
+    x, v = own.x.reshape(-1)[:loose], own.v.reshape(-1)[:loose]
+    x_start = own.x_start.reshape(-1)[:loose]
+    if own.flags[_FAST]:
+        fall(x, v, x_start, moved[:loose], own.push, rule.keep, dt)
+    else:
+        moved[loose:] = np.float32(0.0)
+        coast(x, v, x_start, moved[:loose], own.low, own.push, rule.keep, dt)
 
 
 @kernel(forceinline=True)
-def _stretch_exactly(own, elastic, frames, slot, rule):
-    """The same on ways, which are added to positions with what rounding left out before."""
-    free, loose, dt = rule.free, 3 * rule.free, rule.dt
+def _stretch(own, ready, rule, moved):
+    """Passes over the edges, and what they do to velocities.
+
+    In a hurry, one pass on positions; else on ways, which are added to positions with what
+    rounding left out before.
+    """
+    loose, dt = 3 * rule.free, rule.dt
     x, v = own.x.reshape(-1), own.v.reshape(-1)[:loose]
-    moved, ready = own.x_predicted.reshape(-1), elastic.ready
-    moved[loose:] = np.float32(0.0)
-    start = own.x_start.reshape(-1)[:loose]
-    coast(x[:loose], v, start, moved[:loose], own.low, own.push, rule.keep, dt)
-    carry_pins(
-        own.x[free:],
-        own.v[free:],
-        elastic.pin_collider,
-        elastic.pin_position,
-        frames.position[slot],
-        frames.orientation[slot],
-        frames.origin,
-        dt,
-    )
-    pull_cells(x, moved, True, elastic.coarse)
+    rate = np.float32(1.0) / dt
+    if own.flags[_FAST]:
+        solve_edges(x, ready.edge_particles, ready.edges)
+        gain(x[:loose], v, moved[:loose], rate)
+        return
     ready.pull[:] = np.float32(0.0)
+    alone = rule.iterations == 1
     for _ in range(rule.iterations):
-        solve_edges_apart(
-            x, moved, ready.edge_particles, ready.edges, ready.pull, rule.iterations == 1
-        )
-    arrive(x[:loose], v, moved[:loose], own.low, dt, np.float32(1.0) / dt)
+        solve_edges_apart(x, moved, ready.edge_particles, ready.edges, ready.pull, alone)
+    arrive(x[:loose], v, moved[:loose], own.low, dt, rate)
 
 
 @kernel()
@@ -150,23 +135,35 @@ def solve(own, elastic, frames, planes, rule, first, last, searches):
         searches: Whether `meet` follows; then the last one does without contact.
     """
     free, dt = rule.free, rule.dt
+    flat, moved = own.x.reshape(-1), own.x_predicted.reshape(-1)
     if first == 0 and own.flags[_KNOWN]:
         ride_on(own.x_search, planes.shape, frames.carry, planes.ride)
     for s in range(first, last):
         slot = s % rule.search_every
         if s % rule.bend_every == 0:
             _bend(own, elastic.ready, rule)
-        if own.flags[_FAST]:
-            _stretch_fast(own, elastic, frames, slot, rule)
-        else:
-            _stretch_exactly(own, elastic, frames, slot, rule)
+        position, orientation = frames.position[slot], frames.orientation[slot]
+        _predict(own, rule, moved)
+        carry_pins(
+            own.x[free:],
+            own.v[free:],
+            elastic.pin_collider,
+            elastic.pin_position,
+            position,
+            orientation,
+            frames.origin,
+            dt,
+        )
+        fast = own.flags[_FAST] != 0
+        pull_cells(flat, flat if fast else moved, not fast, elastic.coarse)
+        _stretch(own, elastic.ready, rule, moved)
         pull_attached(
             own.x,
             own.v,
             own.x_start,
             elastic.attached,
-            frames.position[slot],
-            frames.orientation[slot],
+            position,
+            orientation,
             frames.origin,
             rule.keep,
             dt,
@@ -205,7 +202,7 @@ def meet(own, bodies, planes, rule, has_planes):
         own.x_coast[:free],
         rule.thickness,
     )
-    own.x_predicted[:free] = x
+    copy(x, own.x_predicted[:free])
     touching = collide_particles(
         bodies.shapes,
         bodies.posed,
@@ -232,6 +229,6 @@ def meet(own, bodies, planes, rule, has_planes):
         x, v, x_start, own.x_predicted[:free], planes, carry, rule.friction, dt, own.motion
     )
     remember_planes(x, x_start, planes, carry)
-    own.x_search[:] = own.x
+    copy(own.x, own.x_search)
     glide(own.x_search, own.v, dt * np.float32(rule.search_every), own.x_coast)
     return touching
