@@ -10,6 +10,7 @@ from garment_sim_ros.body.skin import Body
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.errors import GeometryError, InputFileError
 from garment_sim_ros.garment.dressing import Holds, dressed
+from garment_sim_ros.garment.evening import evened, is_uneven
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.generators import GENERATORS
 from garment_sim_ros.garment.measures import Measures
@@ -96,6 +97,12 @@ def make_outfit(
     )
 
 
+def _names_vertices(entry: GarmentEntry) -> bool:
+    """Whether an entry tells vertices by their number in the file."""
+    distances = (*(entry.holds.max_distance or ()), *(entry.holds.backstop or ()))
+    return not isinstance(entry.attachments, str) or any(d.vertices is not None for d in distances)
+
+
 def _make(
     source: str,
     entry: GarmentEntry,
@@ -110,7 +117,13 @@ def _make(
     else:
         assert entry.mesh is not None
         o = entry.options
-        mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up, edge_length=o.edge_length)
+        mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up)
+        if o.remesh == "always" or (
+            o.remesh == "auto" and is_uneven(mesh) and not _names_vertices(entry)
+        ):
+            mesh = evened(mesh, o.edge_length)
+        else:
+            mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up, edge_length=o.edge_length)
     try:
         garment, notes = dressed(
             *(entry.name, mesh, measures, entry.material, entry.attachments, colliders),

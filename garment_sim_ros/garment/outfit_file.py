@@ -53,6 +53,12 @@ class MeshOptions:
     edge_length: float = parameter(
         0.022, "Longer edges are halved to about this.", unit="m", minimum=1e-5, maximum=100.0
     )
+    remesh: str = parameter(
+        "auto",
+        "Even triangles in place of the file's. auto: where an edge is shorter than a quarter of "
+        "the median, unless the outfit names vertices by number.",
+        choices=("auto", "never", "always"),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,7 @@ from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.colliders.capsules.capsules import fit_capsules
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.garment.evening import evened, is_uneven
 from garment_sim_ros.garment.generators import long_skirt, short_skirt, tshirt
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import load_garment_mesh
@@ -128,6 +129,35 @@ def test_real_meshes_load_and_refine(data_file, file, loops, edges):
     assert np.array_equal(fine.vertices[: len(plain.vertices)], plain.vertices)
     e = mesh_topology(fine.triangles).edges
     assert np.linalg.norm(np.subtract(*fine.vertices[e.T]), axis=1).max() < 0.0294
+
+
+@pytest.mark.parametrize("file", ["tshirt_female.obj", "trousers_female.obj"])
+def test_uneven_meshes_are_meshed_anew_on_the_same_surface(data_file, tmp_path, file):
+    path = data_file("garments", file)
+    plain = load_garment_mesh(path)
+    assert is_uneven(plain)
+    even = evened(plain, 0.022)
+    fine = load_garment_mesh(path, edge_length=0.022)
+    assert not is_uneven(even)
+    length = np.linalg.norm(
+        np.subtract(*even.vertices[mesh_topology(even.triangles).edges.T]), axis=1
+    )
+    assert length.min() > 0.4 * np.median(length)
+    assert np.median(length) == pytest.approx(0.022, rel=0.1)
+    assert len(boundary_loops(even.triangles)) == len(boundary_loops(fine.triangles))
+    away = MeshDistance(fine.vertices, fine.triangles).signed_distance(even.vertices)[0]
+    assert np.abs(away).max() < 1e-6
+    back = MeshDistance(even.vertices, even.triangles).signed_distance(fine.vertices)[0]
+    assert np.percentile(np.abs(back), 99.0) < 0.008  # corners of the neckline are cut
+    assert "meshed anew: edges of" in even.notes[-1]
+    # An outfit does so unless it is told not to, or names vertices.
+    body = loaded(data_file("bodies", "mh_female_young.glb"))
+    counts = []
+    for more in ("", "options: {remesh: never}", "max_distance: [{distance: 1, vertices: [0]}]"):
+        outfit = tmp_path / "outfit.yaml"
+        outfit.write_text(f"version: 1\ngarments:\n  - name: worn\n    mesh: {path}\n    {more}\n")
+        counts.append(len(load_outfit(outfit, body).garments[0].vertices))
+    assert counts == [len(even.vertices), len(fine.vertices), len(fine.vertices)]
 
 
 def test_faults_of_a_real_mesh_are_named(data_file):
