@@ -56,6 +56,7 @@ CALM = 0.5  # after a stall, in which a garment may come back [s]
 DATA = Path(os.environ.get("GARMENT_SIM_DATA") or Path(__file__).parents[2] / "shared" / "data")
 MANNEQUINS = tuple(f"mannequin:height={height}" for height in ("1.50", "1.75", "1.95"))
 BODIES = (*MANNEQUINS, "mh_female_young.glb", "CesiumMan.glb")
+MADE_ON = "mh_female_young.glb"
 SHIRT = "tshirt_female.obj"
 MESHES = (f"{SHIRT}+skirt_short_female.obj", f"{SHIRT}+skirt_long_female.obj")
 OUTFITS = ("tshirt_short_skirt", "tshirt_long_skirt", *MESHES, "trousers_female.obj")
@@ -110,6 +111,7 @@ def outfit_file(name: str, folder: Path) -> str:
         kind = "polyester" if "skirt" in mesh.stem or "trousers" in mesh.stem else "cotton_jersey"
         lines += [f"  - name: {mesh.stem.split('_')[0]}", f"    mesh: {mesh}"]
         lines += [f"    material: {kind}", f"    layer: {layer}"]
+        lines += [f"    options: {{made_on: {found(MADE_ON, 'bodies')}}}"]
     path = folder / (name.replace("/", "_") + ".yaml")
     path.write_text("\n".join(lines) + "\n")
     return str(path)

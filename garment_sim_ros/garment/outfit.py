@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.errors import GeometryError, InputFileError
+from garment_sim_ros.garment.carrying_over import carried_over
 from garment_sim_ros.garment.dressing import Holds, dressed
 from garment_sim_ros.garment.evening import evened, is_uneven
 from garment_sim_ros.garment.garment import Garment
@@ -97,6 +99,16 @@ def make_outfit(
     )
 
 
+def _made_on(source: str, name: str) -> Body:
+    """The body that a garment was made for, by its name in an outfit.
+
+    Raises:
+        InputFileError: It cannot be used.
+    """
+    file = Path(source).parent / name
+    return load_body(file if file.is_file() else name)
+
+
 def _names_vertices(entry: GarmentEntry) -> bool:
     """Whether an entry tells vertices by their number in the file."""
     distances = (*(entry.holds.max_distance or ()), *(entry.holds.backstop or ()))
@@ -124,6 +136,8 @@ def _make(
             mesh = evened(mesh, o.edge_length)
         else:
             mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up, edge_length=o.edge_length)
+        if o.made_on:
+            mesh = carried_over(mesh, _made_on(source, o.made_on), measures.body)
     try:
         garment, notes = dressed(
             *(entry.name, mesh, measures, entry.material, entry.attachments, colliders),

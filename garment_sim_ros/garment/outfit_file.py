@@ -59,6 +59,11 @@ class MeshOptions:
         "the median, unless the outfit names vertices by number.",
         choices=("auto", "never", "always"),
     )
+    made_on: str = parameter(
+        "",
+        "Body that the mesh was made for: a file, from the outfit's folder, or mannequin. It is "
+        "carried over to the wearer, bone by bone. Empty: it is made for the wearer.",
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,7 @@ from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.colliders.capsules.capsules import fit_capsules
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.garment.carrying_over import carried_over
 from garment_sim_ros.garment.evening import evened, is_uneven
 from garment_sim_ros.garment.generators import long_skirt, short_skirt, tshirt
 from garment_sim_ros.garment.measures import Measures
@@ -158,6 +159,35 @@ def test_uneven_meshes_are_meshed_anew_on_the_same_surface(data_file, tmp_path, 
         outfit.write_text(f"version: 1\ngarments:\n  - name: worn\n    mesh: {path}\n    {more}\n")
         counts.append(len(load_outfit(outfit, body).garments[0].vertices))
     assert counts == [len(even.vertices), len(fine.vertices), len(fine.vertices)]
+
+
+@pytest.mark.parametrize("file", ["tshirt_female.obj", "trousers_female.obj"])
+def test_a_mesh_made_on_another_body_is_carried_over(data_file, tmp_path, file):
+    path = data_file("garments", file)
+    made_on = data_file("bodies", "mh_female_young.glb")
+    mesh = load_garment_mesh(path)
+    woman, man = loaded(made_on), loaded(data_file("bodies", "CesiumMan.glb"))
+    assert carried_over(mesh, woman, woman) is mesh
+    measures = Measures(man)
+    skin = MeshDistance(measures.vertices, man.skin.triangles)
+    assert skin.signed_distance(mesh.vertices)[0].min() < -0.05
+    worn = carried_over(mesh, woman, man)
+    gap = skin.signed_distance(worn.vertices)[0]
+    assert gap.min() > 0.0
+    assert np.median(gap) < 0.03
+    # Ends of sleeves and legs are around the limbs that they are worn on.
+    for loop in boundary_loops(worn.triangles):
+        assert skin.is_inside(worn.vertices[loop].mean(axis=0)[None]).all()
+    # The same through an outfit file, which names the body from its own folder.
+    (tmp_path / "woman.glb").write_bytes(made_on.read_bytes())
+    outfit = tmp_path / "outfit.yaml"
+    outfit.write_text(
+        f"version: 1\ngarments:\n  - name: worn\n    mesh: {path}\n"
+        "    options: {made_on: woman.glb, remesh: never, edge_length: 1}\n"
+    )
+    made = load_outfit(outfit, man)
+    assert "carried over" in " ".join(made.notes)
+    np.testing.assert_allclose(made.garments[0].vertices, worn.vertices, atol=5e-3)
 
 
 def test_faults_of_a_real_mesh_are_named(data_file):

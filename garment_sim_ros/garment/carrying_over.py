@@ -1,0 +1,152 @@
+"""A garment that was made on one body carried over to another, bone by bone.
+
+Each vertex goes with the bones that it would follow as skin: turned and moved as the bone of the
+one body is to that of the other, both in rest pose, and scaled by their lengths along the bone and
+by their girths across it. What is then nearer to the skin than it was on the one body is moved
+out, and its neighbours with it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.garment.attachments import bind
+from garment_sim_ros.garment.connectivity import adjacency
+from garment_sim_ros.garment.dressing import covered_skin, reaches_shoulders
+from garment_sim_ros.garment.measures import Measures
+from garment_sim_ros.garment.mesh import GarmentMesh
+from garment_sim_ros.geometry.mesh_distance import MeshDistance
+
+_MOST = 0.01
+"""Distance to the skin up to which gaps are kept [m]."""
+_ROUNDS = 12
+_NEXT = {
+    "hips": ("spine",),
+    "spine": ("chest", "upperChest", "neck"),
+    "chest": ("upperChest", "neck"),
+    "upperChest": ("neck", "head"),
+    "neck": ("head",),
+    "Shoulder": ("UpperArm",),
+    "UpperArm": ("LowerArm",),
+    "LowerArm": ("Hand",),
+    "UpperLeg": ("LowerLeg",),
+    "LowerLeg": ("Foot",),
+    "Foot": ("Toes",),
+}
+"""Where each humanoid bone ends: the first of these that both bodies have."""
+
+
+def carried_over(mesh: GarmentMesh, made_on: Body, body: Body) -> GarmentMesh:
+    """The garment in its place on another body, in that body's rest pose.
+
+    On the body that it was made for it stays as it is.
+
+    Args:
+        mesh: The garment on the body that it was made for.
+        made_on: That body.
+        body: Who shall wear it.
+
+    Raises:
+        GeometryError: One of the bodies lacks bones or skin that a garment needs.
+    """
+    if np.array_equal(made_on.skin.vertices, body.skin.vertices):
+        return mesh
+    source, target = Measures(made_on), Measures(body)
+    covered = covered_skin(source, reaches_shoulders(mesh, source))
+    binding = bind(source, mesh, covered)
+    whole = target.height / source.height
+    names = {joint: bone for bone, joint in made_on.humanoid.items()}
+    placed = np.zeros_like(mesh.vertices)
+    for f, frame in enumerate(binding.frames):
+        weight = np.where(binding.index == f, binding.weight, 0.0).sum(axis=1)
+        bone = _known(names.get(frame, ""), made_on, frame, names, body)
+        start, end = _segment(bone, source, target)
+        turn, scale = _turn(start[1] - start[0], end[1] - end[0], whole)
+        wider = _girth(bone, end, target) / _girth(bone, start, source)
+        axis = _direction(start)
+        x = mesh.vertices - start[0]
+        along = (x @ axis)[:, None] * axis
+        x = scale * along + wider * (x - along)
+        placed += weight[:, None] * (x @ turn.T + end[0])
+    gap = MeshDistance(source.vertices, covered).signed_distance(mesh.vertices)[0]
+    upper = reaches_shoulders(replace(mesh, vertices=placed), target)
+    placed = _moved_out(placed, mesh, np.clip(gap, 0.0, _MOST), target, upper)
+    note = f"carried over from {made_on.name} to {body.name}"
+    return replace(mesh, vertices=placed, notes=(*mesh.notes, note))
+
+
+def _moved_out(
+    x: FloatArray, mesh: GarmentMesh, gap: FloatArray, target: Measures, upper: bool
+) -> FloatArray:
+    """Vertices no nearer to the skin than a gap [m], moved smoothly."""
+    distance = MeshDistance(target.vertices, covered_skin(target, upper))
+    neighbours = adjacency(mesh.triangles, len(x))
+    degree = np.asarray(neighbours.sum(axis=1)).reshape(-1, 1)
+    moved = np.zeros_like(x)
+    for _ in range(_ROUNDS):
+        moved = 0.5 * (moved + np.asarray(neighbours @ moved) / degree)
+        d, closest, _ = distance.signed_distance(x + moved)
+        out = (x + moved - closest) * np.sign(d)[:, None]
+        out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
+        moved += np.maximum(gap - d, 0.0)[:, None] * out
+    return x + moved
+
+
+def _known(bone: str, made_on: Body, frame: str, names: dict[str, str], body: Body) -> str:
+    """The humanoid bone that a frame goes with on both bodies: its own, or the next above."""
+    joint = made_on.rig.index(frame)
+    while (not bone or bone not in body.humanoid) and made_on.rig.parent[joint] >= 0:
+        joint = int(made_on.rig.parent[joint])
+        bone = names.get(made_on.rig.joint_names[joint], "")
+    return bone if bone in body.humanoid else "hips"
+
+
+def _segment(bone: str, *bodies: Measures) -> tuple[FloatArray, ...]:
+    """Where a bone begins and ends on each body [m], shape [2, 3].
+
+    Without an end that both bodies have it ends where it begins.
+    """
+    side = next((s for s in ("left", "right") if bone.startswith(s)), "")
+    ends = [f"{side}{name}" for name in _NEXT.get(bone[len(side) :], ())]
+    common = [e for e in ends if all(e in m.body.humanoid for m in bodies)]
+    return tuple(np.stack([m.joint(bone), m.joint(*common[:1] or (bone,))]) for m in bodies)
+
+
+def _direction(segment: FloatArray) -> FloatArray:
+    """Unit vector along a bone; upwards where it has no length."""
+    along = segment[1] - segment[0]
+    length = float(np.linalg.norm(along))
+    return along / length if length > 1e-6 else np.array([0.0, 0.0, 1.0])
+
+
+def _girth(bone: str, segment: FloatArray, measures: Measures) -> float:
+    """How far the skin that a bone moves most is from its axis [m]."""
+    skin = measures.body.skin
+    below = measures.share(bone)
+    side = next((s for s in ("left", "right") if bone.startswith(s)), "")
+    next_bones = [f"{side}{n}" for n in _NEXT.get(bone[len(side) :], ())]
+    beyond = [n for n in next_bones if n in measures.body.humanoid][:1]
+    if bone == "hips":
+        beyond += [n for n in ("leftUpperLeg", "rightUpperLeg") if n in measures.body.humanoid]
+    elif bone in ("chest", "upperChest"):
+        beyond += [n for n in ("leftUpperArm", "rightUpperArm") if n in measures.body.humanoid]
+    own = below - (measures.share(*beyond) if beyond else 0.0)
+    x = measures.vertices[own > 0.5] - segment[0]
+    if not len(x):
+        x = measures.vertices[skin.weight.max(axis=1) > 0.0] - segment[0]
+    axis = _direction(segment)
+    across = x - (x @ axis)[:, None] * axis
+    return float(np.median(np.linalg.norm(across, axis=1)))
+
+
+def _turn(a: FloatArray, b: FloatArray, whole: float) -> tuple[FloatArray, float]:
+    """The least rotation from one direction to another and the scale; none of zero length."""
+    long, wide = float(np.linalg.norm(a)), float(np.linalg.norm(b))
+    if min(long, wide) < 1e-6:
+        return np.eye(3), whole
+    u, v = a / long, b / wide
+    axis, cosine = np.cross(u, v), float(u @ v)
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + cross + cross @ cross / max(1.0 + cosine, 1e-3), wide / long
