@@ -76,7 +76,12 @@ def meet(piece: Piece, step: Step) -> None:
     workspace = _workspace(piece)
     assert workspace.code is not None
     assert workspace.given is not None
-    workspace.contact_count = workspace.code[2](*workspace.given.to_meet, workspace.has_planes)
+    given, has_planes = workspace.given, workspace.has_planes
+    own, bodies, planes, rule = given.to_meet
+    workspace.contact_count = workspace.code[2](own, bodies, planes, rule, has_planes)
+    if len(bodies.guard.shape):
+        workspace.code[3](own, bodies, rule, has_planes)
+    workspace.code[4](own, bodies.posed.carry, planes, rule)
 
 
 def finish(piece: Piece) -> None:
@@ -114,6 +119,8 @@ def _given(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Given:
             compiled(sub_steps.begin, own, rule, True),
             compiled(sub_steps.solve, *given.to_solve, 0, 1, True),
             compiled(sub_steps.meet, *given.to_meet, True),
+            compiled(sub_steps.guard, own, bodies, rule, True),
+            compiled(sub_steps.stop, own, bodies.posed.carry, planes, rule),
         )
     return given
 

@@ -1,7 +1,7 @@
 """Sub-steps of `xpbd` of one garment, compiled; the arguments are those of `xpbd.given`.
 
-The search for contacts is a kernel of its own, `meet`: it is most of what there is to compile, and
-what else acts between searches need not wait for it.
+A search for contacts is three kernels, `meet`, `guard` and `stop`: it is most of what there is to
+compile, which several processes do at once.
 """
 
 import numpy as np
@@ -175,7 +175,7 @@ def solve(own, elastic, frames, planes, rule, first, last, searches):
 
 @kernel()
 def meet(own, bodies, planes, rule, has_planes):
-    """A search for contacts at the end of a sub-step, contact, and velocities.
+    """A search for contacts at the end of a sub-step, and contact; `guard` and `stop` follow.
 
     Args:
         own: `Particles`.
@@ -203,7 +203,7 @@ def meet(own, bodies, planes, rule, has_planes):
         rule.thickness,
     )
     copy(x, own.x_predicted[:free])
-    touching = collide_particles(
+    return collide_particles(
         bodies.shapes,
         bodies.posed,
         bodies.sides,
@@ -213,7 +213,12 @@ def meet(own, bodies, planes, rule, has_planes):
         rule.friction,
         bodies.contacts,
     )
-    since = dt * np.float32(rule.search_every) if has_planes else dt
+
+
+@kernel()
+def guard(own, bodies, rule, has_planes):
+    """Keeps the cores of body parts out of the cloth after `meet`, with the same arguments."""
+    time = rule.dt * np.float32(rule.search_every) if has_planes else rule.dt
     keep_out(
         bodies.guard,
         bodies,
@@ -222,13 +227,25 @@ def meet(own, bodies, planes, rule, has_planes):
         own.x,
         own.v,
         rule.thickness,
-        since,
+        time,
     )
-    carry = bodies.posed.carry
+
+
+@kernel()
+def stop(own, carry, planes, rule):
+    """Velocities after a search, and what is kept of it until the next one.
+
+    Args:
+        own: `Particles`.
+        carry: How points move with the shapes in the sub-step, see `PosedShapes`.
+        planes: `Planes`, output.
+        rule: `Rule`.
+    """
+    free, dt = rule.free, rule.dt
+    x, v, x_start = own.x[:free], own.v[:free], own.x_start[:free]
     stop_at_contacts(
         x, v, x_start, own.x_predicted[:free], planes, carry, rule.friction, dt, own.motion
     )
     remember_planes(x, x_start, planes, carry)
     copy(own.x, own.x_search)
     glide(own.x_search, own.v, dt * np.float32(rule.search_every), own.x_coast)
-    return touching

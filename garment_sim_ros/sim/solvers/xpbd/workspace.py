@@ -54,7 +54,7 @@ class XpbdWorkspace(Workspace):
         known: Whether the contacts of the step before still held when this one began.
         has_planes: Whether the last sub-step began with planes of a search.
         given: What the kernels are given in steps of one kind; None before the first one.
-        code: Machine code of `begin`, `solve` and `meet`; None before the first step.
+        code: Machine code of the kernels of `sub_steps`, in order; None before the first step.
     """
 
     rest_squared: FloatArray
@@ -79,7 +79,7 @@ class XpbdWorkspace(Workspace):
     known: bool
     has_planes: bool
     given: Given | None
-    code: tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]] | None
+    code: tuple[Callable[..., Any], ...] | None
 
     @classmethod
     def room_for(cls, model: ClothModel, shapes: int) -> "XpbdWorkspace":
