@@ -269,7 +269,7 @@ class Simulation:
         duration = time_from(rest, poses)
         if duration > 0.0:
             self._put_on(rest)
-            self.advance(rest, poses, duration)
+            self._go(rest, poses, duration)
             self._motion.interpolate(poses, poses, 0.0, 1.0)
             self._restart()
         else:
@@ -352,6 +352,13 @@ class Simulation:
         """
         self._motion.check(poses_start)
         self._motion.check(poses_end)
+        self._go(poses_start, poses_end, dt)
+        self._at.assign(poses_end)
+
+    def _go(
+        self, poses_start: ColliderPoses, poses_end: ColliderPoses, dt: float | None = None
+    ) -> None:
+        """Advances all garments between poses that are usable."""
         steps = self._steps(dt)
         h = (self.solver_step if dt is None else dt) / steps
         everything = tuple(self._worn.values())
@@ -362,7 +369,6 @@ class Simulation:
             self._let_wind_change()
             self._step(everything, h)
             self.time += h
-        self._at.assign(poses_end)
         self._watch(steps, h)
 
     def _steps(self, dt: float | None) -> int:

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from garment_sim_ros.contact.guard.guard import Guard
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.contact.sides import LET_GO, PASSING
 from garment_sim_ros.sim.simulation import Simulation
@@ -94,7 +95,9 @@ def check_letting_go(simulation, frames):
 
 
 @pytest.mark.parametrize("frames", [6, 30])
-def test_what_is_overstretched_is_let_go_of_until_it_is_clear(cloth, frames):
+def test_what_is_overstretched_is_let_go_of_until_it_is_clear(cloth, frames, monkeypatch):
+    """By contact alone: the guard outranks it, see the next test."""
+    monkeypatch.setattr(Guard, "of", lambda *args: Guard.none(args[-1].shape[1]))
     simulation = strip(cloth, 2)
     check_letting_go(simulation, frames)
     # The capsule counts again: from below it lifts the strip's middle.
@@ -104,6 +107,22 @@ def test_what_is_overstretched_is_let_go_of_until_it_is_clear(cloth, frames):
     # It keeps its thickness, to what a float32 of the local origin's frame rounds to.
     assert gap(simulation, 0.0, 0.0) == pytest.approx(thickness, abs=1e-6)
     assert simulation.positions("cloth")[:, 2].max() == pytest.approx(RADIUS + thickness, abs=1e-3)
+
+
+@pytest.mark.parametrize("frames", [6, 30])
+def test_what_is_overstretched_stays_on_its_side(cloth, frames):
+    """The guard holds what contact lets go of; it hangs as before when the capsule is back."""
+    simulation = strip(cloth, 2)
+    simulation.reset(at(0.0, 0.5))
+    hung = simulation.positions("cloth").copy()
+    simulation.reset(at(0.0, 0.05))
+    go(simulation, line([0.0, 0.05], [0.0, -0.5], frames))
+    go(simulation, line([0.0, -0.5], [0.0, -0.5], 60))
+    assert simulation.positions("cloth")[:, 2].min() < -0.5
+    go(simulation, line([0.0, -0.5], [0.0, 0.5], 60))
+    go(simulation, line([0.0, 0.5], [0.0, 0.5], 270))
+    assert simulation.positions("cloth") == pytest.approx(hung, abs=2e-3)
+    assert np.percentile(strains(simulation), 95) < 0.02
 
 
 @pytest.mark.parametrize("speed", [0.5, 2.0])

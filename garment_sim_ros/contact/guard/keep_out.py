@@ -4,9 +4,8 @@ Contact moves particles out of shapes. Between particles, and where shapes press
 sides, a limb gets through all the same. The guard acts after each search for contacts, on the
 triangles that are nearer to the core of a body part than its `radius`. On which side of a core a
 triangle is, is remembered from search to search as long as the two are near each other; what
-crossed on its way comes back to the side that it came from. A core that is found in a triangle
-without having come from anywhere is led out: to the outside where its shape is outside of the
-cloth there, else to the inside.
+crossed on its way comes back to the side that it came from. A core of a shape that is outside of
+the cloth, and is found in a triangle without having come from anywhere, is led out.
 
 A limb that the motion presses into another one leaves no place for cloth between the two. The
 cloth then stays on the limb: what the other shape does to particles that the guard holds is
@@ -119,22 +118,27 @@ def _find_side(guard, x_before, x, c, t, m, distance, u, v):
     """
     now = guard.counts[0]
     known = guard.seen[c, t] == now - 1
-    guard.seen[c, t] = now
     if known and guard.crossed[c, t]:
+        guard.seen[c, t] = now
         return
     guard.crossed[c, t] = False
     # Only where it could have gone through it has to be looked at how it went.
     if known and distance > 0.0 and dot(m, corner(guard.side[c], t)) > 0.0:
+        guard.seen[c, t] = now
         return
     came_from, how = crossing(guard, x_before, x, c, t)
+    n = cross(u, v)
+    # What is under the cloth has its inner face before it. A triangle that comes with the outer
+    # one, or around the core, has no business there: contact gets it away.
+    if not (known or guard.outside[c, t]) and (how == FOUND_IN or dot(came_from, n) < 0.0):
+        return
+    guard.seen[c, t] = now
     if how == CROSSED:
         _put(guard.side[c], t, came_from)
         guard.crossed[c, t] = True
     elif how == FOUND_IN and distance == 0.0:
-        n = cross(u, v)
         r = 1.0 / np.sqrt(max(dot(n, n), 1e-30))
-        r = -r if guard.outside[c, t] else r
-        _put(guard.side[c], t, (r * n[0], r * n[1], r * n[2]))
+        _put(guard.side[c], t, (-r * n[0], -r * n[1], -r * n[2]))
         guard.crossed[c, t] = True
         guard.counts[3] += 1
     else:
@@ -192,6 +196,8 @@ def _part(guard, contacts, x_before, x, attempt):
                     guard.kept[q] = c
         if guard.seen[c, t] != guard.counts[0]:
             _find_side(guard, x_before, x, c, t, m, distance, u, v)
+        if guard.seen[c, t] != guard.counts[0]:
+            continue
         side = corner(guard.side[c], t)
         way, whole = guard.radius[c] - distance, False
         if guard.crossed[c, t] and (distance == 0.0 or dot(m, side) <= 0.0):
