@@ -37,7 +37,7 @@ class Material:
     )
     damping: float = parameter(
         0.5,
-        "Rate at which velocity dies out by internal losses.",
+        "Rate at which internal losses damp the velocity.",
         unit="1/s",
         minimum=0.0,
         maximum=1e4,
@@ -89,7 +89,7 @@ class Environment:
     )
     gust: float = parameter(
         0.0,
-        "Root mean square speed of noise on the wind.",
+        "Root mean square speed of the noise that is added to the wind.",
         unit="m/s",
         minimum=0.0,
         maximum=200.0,
@@ -103,30 +103,37 @@ class Environment:
     )
     gust_change: float = parameter(
         0.5,
-        "Rate at which the noise changes by itself.",
+        "Rate at which the noise changes with time, apart from its drift with the wind.",
         unit="1/s",
         minimum=0.0,
         maximum=100.0,
         needs=_GUSTS,
     )
     gust_waves: int = parameter(
-        24, "Plane waves that make up the noise.", minimum=1, maximum=512, needs=_GUSTS
+        24, "Number of plane waves in the noise.", minimum=1, maximum=512, needs=_GUSTS
     )
     gust_divergence_free: bool = parameter(
-        True, "Noise in which no air appears or vanishes.", needs=_GUSTS
+        True, "Make the noise divergence-free, so that no air appears or vanishes.", needs=_GUSTS
     )
     gust_seed: int = parameter(
-        1, "The same seed gives the same noise.", minimum=0, maximum=2**31 - 1, needs=_GUSTS
+        1,
+        "Seed of the noise; equal seeds give equal noise.",
+        minimum=0,
+        maximum=2**31 - 1,
+        needs=_GUSTS,
     )
     root_linear_inertia: float = parameter(
         1.0,
-        "Fraction of the body's own translation that cloth feels: 1 is the world as it is, 0 the "
-        "first paper's simulation relative to the body.",
+        "Fraction of the root's translation that the cloth feels. 1: simulation in the world; "
+        "0: simulation relative to the body, as in the first paper.",
         minimum=0.0,
         maximum=1.0,
     )
     root_angular_inertia: float = parameter(
-        1.0, "Fraction of the body's own rotation that cloth feels.", minimum=0.0, maximum=1.0
+        1.0,
+        "Fraction of the root's rotation that the cloth feels; see root_linear_inertia.",
+        minimum=0.0,
+        maximum=1.0,
     )
 
 
@@ -137,19 +144,20 @@ class RelaxationSettings:
     sweeps: int = parameter(3, "Sweeps of spring correction per step.", minimum=1, maximum=1000)
     contact: str = parameter(
         "union",
-        "Out of the union of all shapes, or by the earliest hit (ellipsoids and spheres only).",
+        "Contact method. union: particles are moved out of the union of all shapes; earliest: "
+        "each particle stops at its earliest hit (ellipsoids and spheres only).",
         choices=("union", "earliest"),
     )
     response: str = parameter(
         "surface",
-        "To an earliest hit: by the surface's normal with friction and restitution, without "
-        "either, or reflected along the ray from the centre.",
+        "Response to an earliest hit. surface: along the normal, with friction and restitution; "
+        "inelastic: along the normal, without either; reflection: along the ray from the centre.",
         choices=("surface", "inelastic", "reflection"),
         needs=(needs("contact", "earliest"),),
     )
     restitution: float = parameter(
         0.0,
-        "Share of normal velocity that an earliest hit gives back.",
+        "Coefficient of restitution of an earliest hit.",
         minimum=0.0,
         maximum=1.0,
         needs=(needs("contact", "earliest"), needs("response", "surface")),
@@ -169,25 +177,31 @@ class LifecycleParameters:
 class MocapPlayerParameters:
     """Parameters of the node `mocap_player`."""
 
-    clip: str = parameter("walk", "BVH file, rosbag2 or the built-in 'walk'.")
+    clip: str = parameter("walk", "BVH file, rosbag2, or 'walk' for the built-in clip.")
     bone_names: str = parameter(
-        "", "YAML file: humanoid bone to joint of a BVH file, where names do not tell."
+        "",
+        "YAML file that maps humanoid bones to joints of the BVH file; empty: recognised by name.",
     )
     rate: float = parameter(
-        0.0, "Messages per second; 0: as the clip.", unit="Hz", minimum=0.0, maximum=1000.0
+        0.0,
+        "Messages per second; 0: the rate of the clip.",
+        unit="Hz",
+        minimum=0.0,
+        maximum=1000.0,
     )
     speed: float = parameter(
-        1.0, "Clip time per time; can be set while playing.", minimum=0.0, maximum=100.0
+        1.0,
+        "Playback speed, as a multiple of real time; can be set while playing.",
+        minimum=0.0,
+        maximum=100.0,
     )
-    loop: bool = parameter(True, "Begin again after the end, or stand still there.")
+    loop: bool = parameter(True, "Start the clip again at its end; false: stop at the last frame.")
     travel: bool = parameter(
         True,
-        "A loop goes on from where it ended, so that a walk walks on; else it goes back.",
+        "Start each loop at the place where the last one ended; false: at the start of the clip.",
         needs=(needs("loop", True),),
     )
-    publish_clock: bool = parameter(
-        False, "Be the clock of a simulated time that begins at 0: publish /clock."
-    )
+    publish_clock: bool = parameter(False, "Publish /clock, a simulated time that begins at 0.")
     frame_id: str = parameter("world", "Frame of the skeleton's root, z up.")
 
 
@@ -211,48 +225,53 @@ class HullSettings:
     )
     max_faces: int = parameter(
         80,
-        "Triangles that a hull is simplified to, where that fits.",
+        "Target number of triangles of a hull. A hull that cannot be reduced so far keeps more.",
         minimum=4,
         maximum=100000,
         needs=_ON_HULLS,
     )
     reach: float = parameter(
         3.0,
-        "Farthest that a simplified hull reaches out, in deltas.",
+        "Largest distance of a simplified hull outside the planes of the un-inflated hull, in "
+        "deltas.",
         minimum=1.0,
         maximum=100.0,
         needs=_ON_HULLS,
     )
     placement: str = parameter(
         "quadric",
-        "Where simplified corners go: near the inflated hull, or as tight as allowed.",
+        "Position of the vertices of a simplified hull. quadric: near the inflated hull; volume: "
+        "least volume within reach.",
         choices=("quadric", "volume"),
         needs=_ON_HULLS,
     )
     inflation: str = parameter(
         "vertices",
-        "What moves out by delta: corners, as in the paper, or faces, which then get all of it.",
+        "Inflation by delta. vertices: moves the vertices, as in the paper; planes: moves the "
+        "faces, by the whole delta.",
         choices=("vertices", "planes"),
         needs=_ON_HULLS,
     )
     merge: float = parameter(
         0.0,
-        "A region with a smaller share of the skin joins the next.",
+        "Smallest region, as a fraction of the skin; smaller ones join a neighbour.",
         minimum=0.0,
         maximum=1.0,
         needs=_ON_HULLS_AND_GRIDS,
     )
     split: float = parameter(
         0.005,
-        "A region is cut in two where that saves this share of all hulls' volume; 1 for never.",
+        "Least saving for which a region is cut in two, as a fraction of the volume of all hulls; "
+        "1: never.",
         minimum=1e-4,
         maximum=1.0,
         needs=_ON_HULLS,
     )
     joints: str = parameter(
         "auto",
-        "Colliders at joints: half-turning spheres in the skin, or hulls where these leave much "
-        "open; spheres that contain all that bends (the paper's); or none.",
+        "Colliders at joints. auto: spheres inside the skin that turn by half the joint's "
+        "rotation, and hulls where gaps remain; spheres: the paper's, which contain all skin that "
+        "bends; none.",
         choices=("auto", "spheres", "none"),
         needs=_ON_HULLS_AND_GRIDS,
     )
@@ -264,7 +283,7 @@ class SdfSettings:
 
     voxel: float = parameter(
         0.01,
-        "Distance of an sdf's samples.",
+        "Grid spacing of a signed distance field.",
         unit="m",
         minimum=0.001,
         maximum=0.1,
@@ -278,7 +297,7 @@ class EllipsoidSettings:
 
     mu_torso: float = parameter(
         0.018,
-        "Fit error that splits one of the torso.",
+        "Fit error above which an ellipsoid of the torso is split.",
         unit="m",
         minimum=1e-6,
         maximum=1.0,
@@ -286,7 +305,7 @@ class EllipsoidSettings:
     )
     mu_limb: float = parameter(
         0.012,
-        "The same of head, arms and legs.",
+        "Fit error above which an ellipsoid of the head, an arm or a leg is split.",
         unit="m",
         minimum=1e-6,
         maximum=1.0,
@@ -294,12 +313,13 @@ class EllipsoidSettings:
     )
     mu: str = parameter(
         "",
-        "The same of single regions: REGION=M, several apart by spaces, as left_thigh=0.03.",
+        "Fit error above which an ellipsoid of a named region is split: REGION=METRES, separated "
+        "by spaces, e.g. left_thigh=0.03.",
         needs=_ON_ELLIPSOIDS,
     )
     sigma: float = parameter(
         1e-3,
-        "K-means stops where centres move by no more.",
+        "K-means stops when no centre moves farther than this.",
         unit="m",
         minimum=0.0,
         maximum=1.0,
@@ -307,20 +327,21 @@ class EllipsoidSettings:
     )
     max_ellipsoids: int = parameter(
         90,
-        "Most ellipsoids; those that fit worst are split first.",
+        "Largest number of ellipsoids; those with the largest error are split first.",
         minimum=15,
         maximum=1000,
         needs=_ON_ELLIPSOIDS,
     )
     segmentation: str = parameter(
         "auto",
-        "Regions by the rig's joints where it has them, by the rig, by the surface alone, by the "
-        "paper's constants, or the body as a whole.",
+        "How the body is divided into regions. rig: by the joints of the rig; surface: by the "
+        "surface alone; auto: rig where it has the joints, else surface; table1: by the paper's "
+        "constants; none: one region.",
         choices=("auto", "rig", "surface", "table1", "none"),
         needs=_ON_ELLIPSOIDS,
     )
     refit: bool = parameter(
-        True, "Ellipsoids at joints are fitted again in every pose.", needs=_ON_ELLIPSOIDS
+        True, "Fit the ellipsoids at joints again in every pose.", needs=_ON_ELLIPSOIDS
     )
 
 
@@ -336,7 +357,11 @@ class _ColliderKind:
 
     method: str = parameter("hulls", "Kind of colliders.", choices=METHODS, aliases=METHOD_ALIASES)
     thickness: float = parameter(
-        0.002, "Distance that cloth keeps on top.", unit="m", minimum=0.0, maximum=0.1
+        0.002,
+        "Distance kept between cloth and collider surfaces, on top of delta.",
+        unit="m",
+        minimum=0.0,
+        maximum=0.1,
     )
 
 
@@ -350,25 +375,32 @@ class _Avatar:
     """The first of `ColliderNodeParameters`."""
 
     body: str = parameter(
-        "mannequin", "The avatar's body file, or 'mannequin'; empty: robot_description is it."
+        "mannequin",
+        "Body file of the avatar, or 'mannequin'; empty: robot_description is the body.",
     )
     bone_names: str = parameter(
         "",
-        "YAML file: humanoid bone to joint of robot_description, where names do not tell.",
+        "YAML file that maps humanoid bones to joints of robot_description; empty: recognised by "
+        "name.",
         needs=(Needs(("body",), (), "a body"),),
     )
     body_bone_names: str = parameter(
-        "", "YAML file: humanoid bone to joint of the body, where names do not tell."
+        "", "YAML file that maps humanoid bones to joints of the body; empty: recognised by name."
     )
     ground_feet: bool = parameter(
-        True, "Feet that stand in the source stand on the ground, without sliding."
+        True, "Keep feet on the ground, without sliding, while they stand in the source."
     )
-    colliders: str = parameter("", "File that `fit` wrote; empty: fitted at the start.")
+    colliders: str = parameter(
+        "", "Collider file, as written by `garment-sim fit`; empty: fitted at the start."
+    )
     cache: bool = parameter(
-        True, "Keep fits beside the body, or in the user's cache folder, and use them again."
+        True,
+        "Keep fitted colliders on disk, beside the body or in the user's cache folder, and reuse "
+        "them.",
     )
     outfit: str = parameter(
-        "", "Outfit file whose collider options hold; empty: those that follow."
+        "",
+        "Outfit file from which collider options are taken; empty: the parameters of this node.",
     )
 
 
@@ -377,14 +409,18 @@ class ColliderNodeParameters(ColliderOptions, _Avatar):
     """Parameters of the node `collider_node`."""
 
     marker_rate: float = parameter(
-        10.0, "Most collider_markers per second; 0: none.", unit="Hz", minimum=0.0, maximum=120.0
+        10.0, "Largest rate of collider_markers; 0: none.", unit="Hz", minimum=0.0, maximum=120.0
     )
     time_jump: float = parameter(
-        1.0, "Stamps farther apart begin a new time.", unit="s", minimum=0.05, maximum=1e6
+        1.0,
+        "Jump between stamps above which time starts anew.",
+        unit="s",
+        minimum=0.05,
+        maximum=1e6,
     )
     stale_after: float = parameter(
         1.0,
-        "After so long without input the node is STALE; another publisher may then take over.",
+        "Time without input after which the node is STALE; then another publisher may take over.",
         unit="s",
         minimum=0.05,
         maximum=1e6,
@@ -396,9 +432,11 @@ class ColliderNodeParameters(ColliderOptions, _Avatar):
 class ClothNodeParameters:
     """Parameters of the node `cloth_node`."""
 
-    body: str = parameter("mannequin", "The body that the garments are made for.")
+    body: str = parameter(
+        "mannequin", "Body that the garments are made for: a file, or 'mannequin'."
+    )
     body_bone_names: str = parameter(
-        "", "YAML file: humanoid bone to joint of the body, where names do not tell."
+        "", "YAML file that maps humanoid bones to joints of the body; empty: recognised by name."
     )
     outfit: str = parameter("", "Outfit file; empty: a T-shirt and a short skirt.")
     rate: float = parameter(
@@ -411,7 +449,7 @@ class ClothNodeParameters:
     )
     delay: float = parameter(
         -1.0,
-        "How far the cloth stays behind the newest poses; below 0: one input period.",
+        "Delay of the cloth behind the newest poses; below 0: one input period.",
         unit="s",
         minimum=-1.0,
         maximum=10.0,
@@ -419,7 +457,8 @@ class ClothNodeParameters:
     )
     step_on: str = parameter(
         "timer",
-        "What advances the cloth: time, or every message of collider_poses, reproducibly.",
+        "What advances the cloth. timer: time; poses: every message of collider_poses, which is "
+        "reproducible.",
         choices=("timer", "poses"),
     )
     solver: str = parameter(
@@ -427,7 +466,8 @@ class ClothNodeParameters:
     )
     solver_step: float = parameter(
         1 / 180,
-        "Fixed step of the solver. Frames show whole steps: a longer one makes them uneven.",
+        "Fixed step of the solver. A frame shows a whole number of steps, so long steps make the "
+        "motion uneven.",
         unit="s",
         minimum=1e-4,
         maximum=0.5,
@@ -435,7 +475,7 @@ class ClothNodeParameters:
     normals: bool = parameter(False, "Add vertex normals to the points.")
     catch_up: float = parameter(
         0.1,
-        "Most time that is simulated within one frame; poses of the rest are passed over.",
+        "Longest time that is simulated within one frame; poses beyond it are skipped.",
         unit="s",
         minimum=0.01,
         maximum=10.0,
@@ -443,7 +483,7 @@ class ClothNodeParameters:
     )
     teleport_speed: float = parameter(
         30.0,
-        "Colliders that move faster are taken to have jumped.",
+        "Collider speed above which the motion counts as a teleport.",
         unit="m/s",
         minimum=1.0,
         maximum=1e6,
@@ -451,7 +491,7 @@ class ClothNodeParameters:
     )
     teleport_turn_rate: float = parameter(
         105.0,
-        "A root that turns faster is taken to have jumped.",
+        "Turn rate of the root above which the motion counts as a teleport.",
         unit="rad/s",
         minimum=1.0,
         maximum=1e6,
@@ -459,15 +499,20 @@ class ClothNodeParameters:
     )
     on_teleport: str = parameter(
         "reset",
-        "Where the body has jumped the cloth is put on again, keeps its folds, or takes part.",
+        "Cloth at a teleport. reset: put on again; keep: moved along with its folds; ignore: "
+        "simulated through the jump.",
         choices=("reset", "keep", "ignore"),
     )
     time_jump: float = parameter(
-        1.0, "Stamps farther apart begin a new time.", unit="s", minimum=0.05, maximum=1e6
+        1.0,
+        "Jump between stamps above which time starts anew.",
+        unit="s",
+        minimum=0.05,
+        maximum=1e6,
     )
     stale_after: float = parameter(
         1.0,
-        "After so long without poses the node is STALE and does not publish garments again.",
+        "Time without poses after which the node is STALE and stops publishing garments.",
         unit="s",
         minimum=0.05,
         maximum=1e6,
@@ -481,20 +526,25 @@ class XpbdSettings:
 
     sub_step: float = parameter(
         1 / 1080,
-        "Longest sub-step: shorter is stiffer cloth and slower.",
+        "Longest sub-step. Shorter ones give stiffer cloth and take longer.",
         unit="s",
         minimum=1e-5,
         maximum=0.1,
     )
-    iterations: int = parameter(1, "Passes over the edges in a sub-step.", minimum=1, maximum=1000)
+    iterations: int = parameter(
+        1, "Passes over the edges in each sub-step.", minimum=1, maximum=1000
+    )
     search_every: int = parameter(
         6,
-        "Sub-steps for each search for contacts and each pass over hinges, unless stiff.",
+        "Sub-steps between two contact searches and two passes over the hinges; stiff hinges have "
+        "passes more often.",
         minimum=1,
         maximum=64,
     )
     coarse: bool = parameter(
-        False, "Less stretch with few sub-steps.", needs=(needs("iterations", 1),)
+        False,
+        "Correct the stretch on a coarse level, too: less stretch with few sub-steps.",
+        needs=(needs("iterations", 1),),
     )
 
 
@@ -504,11 +554,9 @@ class ImplicitSettings:
 
     sub_step: float = parameter(
         1 / 60,
-        "Longest sub-step: shorter is more accurate motion and slower.",
+        "Longest sub-step. Shorter ones are more accurate and take longer.",
         unit="s",
         minimum=1e-4,
         maximum=0.5,
     )
-    iterations: int = parameter(
-        8, "Steps towards the solution in each sub-step.", minimum=1, maximum=200
-    )
+    iterations: int = parameter(8, "Descent steps in each sub-step.", minimum=1, maximum=200)

@@ -1,4 +1,4 @@
-"""What is done about particles that are nowhere: mending a garment where it is broken.
+"""Recovery of a garment whose particles are not finite or moved absurdly far.
 
 Whatever comes in (a state that was written to, forces that are not numbers, a solver that
 diverges), every step begins with a garment of which each particle is finite and did not go an

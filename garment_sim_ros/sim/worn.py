@@ -45,7 +45,8 @@ class Worn(Piece):
         recovery: Mends what is not.
         health: Counts and readings.
         places: Where it would be as skin, None unless a constraint asks.
-        letting_go: Looks after cloth that hangs on what passes it by; None if nothing does.
+        letting_go: Releases overstretched cloth from colliders that should only brush the
+            garment; None where there are none.
         x_world: World positions of its vertices in file order [m], shape [v, 3].
         normal: Their unit normals, shape [v, 3].
     """

@@ -1,8 +1,8 @@
-"""Cloth that hangs on what only passes it by, overstretched, is let go of.
+"""Releases overstretched cloth from colliders that should only brush the garment.
 
 A hand along a skirt pushes it aside. But cloth that was thrown over an elbow, or that a hand took
-along, would stay there for ever, stretched several times over, and shake. Where its edges are
-longer than any fabric bears, what passes a garment by passes through it, until it has got clear.
+along, would stay there for ever, stretched several times over, and shake. Where edges are longer
+than any fabric bears, such colliders pass through the garment until they are clear of it.
 """
 
 from collections.abc import Callable

@@ -220,7 +220,7 @@ class SelfCollision(Constraint):
         strayed = drift(x, self._place, self._speed, np.float32(self._since) * h)
         late = self._since > self._ahead or not strayed <= np.float32(0.5) * self._margin
         if late and not (np.isfinite(strayed) and self._search(x, v, h)):
-            return 0  # not finite: put back by who watches
+            return 0  # not finite: `recovery` puts it back
         points, edges, crossings = (int(c) for c in self._counts)
         touched = 0
         if crossings:

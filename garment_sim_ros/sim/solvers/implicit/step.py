@@ -179,8 +179,8 @@ def _search(piece: Piece, colliders: ColliderState) -> None:
 def _descend(piece: Piece, step: Step) -> None:
     """Goes towards the positions of least energy."""
     workspace, colliders = _workspace(piece), step.colliders
-    # Who is taken along to a speed u in one sub-step, with 19 others (`_WEIGHTS`), gives
-    # way by a small part of the radius of a fast shape at most.
+    # A particle that a fast shape accelerates to a speed u in one sub-step, with 19 others
+    # (`_WEIGHTS`), sinks in by a small fraction of the shape's radius at most.
     swift = np.float32(workspace.sink / (GRAVITY * step.dt * step.dt))
     find_positions(
         piece.state.x,

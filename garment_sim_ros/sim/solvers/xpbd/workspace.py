@@ -144,9 +144,8 @@ class XpbdWorkspace(Workspace):
         meanwhile it does not know: against these it is an explicit force, and stiff hinges would
         shake. They have passes more often, up to one in every sub-step, together with the edges.
         Where even that is too seldom, single hinges are taken as the stiffest for which it is not.
-        That leaves at least half of what they resist with: the force of one pass is that which
-        brings a hinge back in the sub-step, or less. But passes that bring all hinges back all of
-        the way, one after the other, bend some of them to and fro for good.
+        The clamp keeps at least half of the bending resistance. Without it, sequential full
+        corrections make some hinges oscillate.
 
         Args:
             model: The garment.
