@@ -60,9 +60,15 @@ MODULES = garment_sim_ros $(subst /,.,$(patsubst %/__init__.py,%,$(wildcard garm
 docs: $(STAMP) ## Reference of all functions, from their docstrings, in out/docs
 	NUMBA_DISABLE_JIT=1 $(PY) -W error::UserWarning -m pdoc --docformat google --output-directory out/docs $(MODULES)
 
-mannequin: $(STAMP) ## The default mannequin anew, after a change to how it is grown
+mannequin: $(STAMP) ## The default mannequin and its hulls anew, after a change to how they are made
 	$(PY) -c "import numpy; from garment_sim_ros.body.mannequin.mannequin import MannequinOptions, grown; \
 	numpy.savez_compressed('garment_sim_ros/body/mannequin/mannequin_default.npz', **grown(MannequinOptions()))"
+	$(PY) -c "from garment_sim_ros.body.mannequin.mannequin import mannequin; \
+	from garment_sim_ros.colliders.fit_cache import SHIPPED, content_key, kept_text; \
+	from garment_sim_ros.colliders.fitting import fit_colliders; \
+	from garment_sim_ros.params import ColliderOptions; \
+	body, options = mannequin(), ColliderOptions(); \
+	SHIPPED.write_text(kept_text(content_key(body, options), fit_colliders(body, options)))"
 
 clean: ## Everything that was made here
 	rm -rf .venv .machines out build install log *.egg-info .*_cache .hypothesis

@@ -145,13 +145,13 @@ def hold(
     return slipped
 
 
-@kernel()
+@kernel(inner=True)
 def _height(T, joint, offset):
     R = T[joint]
     return R[2, 0] * offset[0] + R[2, 1] * offset[1] + R[2, 2] * offset[2] + R[2, 3]
 
 
-@kernel()
+@kernel(inner=True)
 def _ground_place(T, joint, offset, out):
     R = T[joint]
     for c in range(2):

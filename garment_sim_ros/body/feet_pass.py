@@ -41,7 +41,7 @@ _FLAT = 0.2
 """Least length of a foot's forward direction along the ground from which it can be told."""
 
 
-@kernel()
+@kernel(inner=True)
 def lowest(T, joint, offset):
     """Height of the lowest of some points fixed to joints [m].
 
@@ -58,19 +58,19 @@ def lowest(T, joint, offset):
     return least
 
 
-@kernel()
+@kernel(inner=True)
 def _cross(a, b, out):
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@kernel()
+@kernel(inner=True)
 def _norm(a):
     return np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
-@kernel()
+@kernel(inner=True)
 def _arc(a, b, out):
     """The smallest rotation that takes unit vector a to unit vector b, into out [3, 3]."""
     v = np.empty(3)
@@ -85,7 +85,7 @@ def _arc(a, b, out):
     out[1, 2], out[2, 1] = s * v[1] * v[2] - v[0], s * v[1] * v[2] + v[0]
 
 
-@kernel()
+@kernel(inner=True)
 def _move(T, R, before, after):
     """Turn a joint by R about a point that goes from one place to another."""
     for c in range(3):
@@ -97,7 +97,7 @@ def _move(T, R, before, after):
         T[k, 3] = R[k, 0] * x + R[k, 1] * y + R[k, 2] * z + after[k]
 
 
-@kernel()
+@kernel(inner=True)
 def reachable(T, joints, reach, before, goal):
     """Raise a goal of an ankle that the leg comes near only straight; along the ground it stays.
 
@@ -122,7 +122,7 @@ def reachable(T, joints, reach, before, goal):
         goal[2] = max(goal[2], hip[2, 3] - np.sqrt(length * length - level))
 
 
-@kernel()
+@kernel(forceinline=True)
 def bend_leg(T, joints, part, hinge, goal):
     """Put an ankle as near to a goal as the leg reaches; the foot keeps its orientation.
 
@@ -295,14 +295,14 @@ def missed(T_source, T, joint, offset, foot, target_offset, ahead, stretch, scal
                 place[i, k] += share * off[k]
 
 
-@kernel()
+@kernel(inner=True)
 def smooth_step(low, high, value):
     """0 up to low, 1 from high, smooth between."""
     s = min(max((value - low) / (high - low), 0.0), 1.0)
     return s * s * (3.0 - 2.0 * s)
 
 
-@kernel()
+@kernel(inner=True)
 def _point_foot(T, ankle, part, ahead, reach, weight, sole_joint, sole_offset):
     """Turn a foot that stands and does not reach the ground down towards it, about its ankle."""
     least = np.inf

@@ -133,7 +133,7 @@ def followed_channels(dofs: Dofs) -> tuple[NDArray[np.int32], FloatArray, FloatA
     return source, multiplier, offset
 
 
-@kernel()
+@kernel(inner=True)
 def _compose(a, b, out):
     """Product a b of rigid transforms into out."""
     for i in range(3):
@@ -146,7 +146,7 @@ def _compose(a, b, out):
     out[3, 3] = 1.0
 
 
-@kernel()
+@kernel(inner=True)
 def _turn(T, x, y, z, angle):
     """Turn the frame T about its own unit axis (x, y, z), by Rodrigues' formula."""
     c = np.cos(angle)

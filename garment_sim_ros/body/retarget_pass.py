@@ -18,7 +18,7 @@ TWIST = 3
 """Follow the driven joint above and take a share of the twist of the one below."""
 
 
-@kernel()
+@kernel(inner=True)
 def _quaternion(T):
     """Unit quaternion of a rotation matrix, by its largest component (Shepperd's method)."""
     xx, yy, zz = T[0, 0], T[1, 1], T[2, 2]
@@ -38,12 +38,12 @@ def _quaternion(T):
     return x * scale, y * scale, z * scale, w * scale
 
 
-@kernel()
+@kernel(inner=True)
 def _times(a, b):
     return quaternion_multiply(a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3])
 
 
-@kernel()
+@kernel(inner=True)
 def _store(rotation, j, q):
     for k in range(4):
         rotation[j, k] = q[k]
@@ -101,13 +101,13 @@ def turn_joints(
         _store(rotation, j, turned)
 
 
-@kernel()
+@kernel(inner=True)
 def _height(T, offset):
     """World height of a point fixed to a joint."""
     return T[2, 0] * offset[0] + T[2, 1] * offset[1] + T[2, 2] * offset[2] + T[2, 3]
 
 
-@kernel()
+@kernel(inner=True)
 def _lift(T_world_source, T_world_target, joints, offset, height, reach, scale):
     """How far the target must be raised to stand as the source does; 0 without contact points.
 

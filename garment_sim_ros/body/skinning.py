@@ -233,7 +233,7 @@ def _linear(x_bind, bone, weight, motion, x_world):
         x_world[v, 2] = pz
 
 
-@kernel()
+@kernel(inner=True)
 def _signed(weight, a, b):
     """The weight with the sign that puts quaternion b on the same half-sphere as a."""
     dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]

@@ -3,6 +3,9 @@
 A file lies beside the body's, or in the user's cache folder where that cannot be written or the
 body has no file. It is named after the digest of all that the fit depends on, which its first
 line holds too; the rest is a collider description, whose revision shows any damage.
+
+The default mannequin's hulls come with the package, so that the first start need not compile what
+fits them. Their file is named after no code: `make mannequin` makes it anew.
 """
 
 import contextlib
@@ -24,6 +27,8 @@ from garment_sim_ros.input_file import exists, is_file, read_text
 from garment_sim_ros.params import ColliderOptions
 
 _SUFFIX = ".colliders"
+SHIPPED = Path(__file__).resolve().parent / "hulls" / f"mannequin_default{_SUFFIX}"
+"""Fit of the default mannequin with the default options."""
 _KEPT = 4
 """Files of one body and method in one folder; the oldest go first."""
 
@@ -53,22 +58,15 @@ def cached_fit(
     label = Path(source).name if len(folders) > 1 and source is not None else body.name
     stem = "".join(c if c.isalnum() or c in "._-" else "_" for c in label)[:80]
     name = f"{stem}.{options.method}.{key[:16]}{_SUFFIX}"
+    if (found := _read(SHIPPED, content_key(body, options), lambda text: None)) is not None:
+        return found
     for folder in folders:
-        try:
-            found, text = read_text(folder / name, limit=MAX_TEXT).split("\n", 1)
-            if found != key:
-                raise ValueError("it is of another fit")
-            colliders = from_json(text)
-        except (InputFileError, MessageError, ValueError) as error:
-            if exists(folder / name):
-                log(f"{folder / name} is not used: {error}"[:500])
-            continue
-        log(f"colliders read from {folder / name}")
-        return colliders
+        if (found := _read(folder / name, key, log)) is not None:
+            return found
     colliders = fit_colliders(body, options)
     for folder in folders:
         try:
-            _write(folder, name, f"{key}\n{to_json(colliders)}")
+            _write(folder, name, kept_text(key, colliders))
         except OSError:
             continue
         log(f"colliders fitted and kept in {folder / name}")
@@ -79,12 +77,36 @@ def cached_fit(
 
 def fit_key(body: Body, options: ColliderOptions) -> str:
     """SHA-256 of all that a fit depends on: the body's content, the options, the code."""
+    code = code_digest("body", "colliders", "contact", "geometry")
+    return hashlib.sha256((content_key(body, options) + code).encode()).hexdigest()
+
+
+def content_key(body: Body, options: ColliderOptions) -> str:
+    """The same without the code."""
     digest = hashlib.sha256()
-    content = (body.rig, body.skin, body.humanoid, options)
-    for piece in _pieces(content):
+    for piece in _pieces((body.rig, body.skin, body.humanoid, options)):
         digest.update(piece)
-    digest.update(code_digest("body", "colliders", "contact", "geometry").encode())
     return digest.hexdigest()
+
+
+def kept_text(key: str, colliders: ColliderSet) -> str:
+    """What the file of a fit holds."""
+    return f"{key}\n{to_json(colliders)}"
+
+
+def _read(file: Path, key: str, log: Callable[[str], Any]) -> ColliderSet | None:
+    """The fit in a file; None where there is none, or it is damaged or of something else."""
+    try:
+        found, text = read_text(file, limit=MAX_TEXT).split("\n", 1)
+        if found != key:
+            raise ValueError("it is of another fit")
+        colliders = from_json(text)
+    except (InputFileError, MessageError, ValueError) as error:
+        if exists(file):
+            log(f"{file} is not used: {error}"[:500])
+        return None
+    log(f"colliders read from {file}")
+    return colliders
 
 
 def _pieces(value: object) -> Iterator[bytes]:

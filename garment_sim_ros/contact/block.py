@@ -44,7 +44,7 @@ _ROW_PLANE, _ROW_FIRM = np.uint64(_PLANE), np.uint64(_FIRM)
 _ROW_U, _ROW_V, _ROW_W = np.uint64(_U), np.uint64(_V), np.uint64(_W)
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def load_block(x, begin, end, block):
     """Copies positions of particles begin to end - 1; repeats the last one up to `BLOCK`.
 
@@ -79,17 +79,17 @@ def load_block(x, begin, end, block):
     return x0, y0, z0, x1, y1, z1
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _lower(a, b):
     return a if a < b else b
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _higher(a, b):
     return a if a > b else b
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def _extremes(numbers, end):
     """Lowest and highest of a block of numbers, in four chains at once."""
     begin = end - BLOCK
@@ -111,7 +111,7 @@ def _extremes(numbers, end):
     return _lower(_lower(a0, b0), _lower(c0, d0)), _higher(_higher(a1, b1), _higher(c1, d1))
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def capsule_distances(shapes, posed, k, block):
     """Distances of a block to the capsule that is, or else holds, shape k: to `DISTANCE`."""
     zero = np.float32(0.0)
@@ -352,7 +352,7 @@ def _compiled_sdf_distances_if_any(shapes, posed, k, thickness, block, lane):
     )
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def keep_nearest(k, block):
     """Notes the distances to shape k, which is under all of a block."""
     which = np.float32(k)
@@ -368,7 +368,7 @@ def keep_nearest(k, block):
         block[FIRM + p] = block[_FIRM + p] if closer else block[FIRM + p]
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def keep_nearest_by_side(k, side, begin, block):
     """Notes the distances to shape k, which is under some particles of a block only."""
     which = np.float32(k)

@@ -10,7 +10,7 @@ DIAGONAL = 1.8
 the root of three, and some."""
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def shapes_near_box(box, low_x, low_y, low_z, high_x, high_y, high_z, reach, found):
     """Finds the shapes whose box is at most `reach` away from a box, along every axis.
 
@@ -43,7 +43,7 @@ def shapes_near_box(box, low_x, low_y, low_z, high_x, high_y, high_z, reach, fou
     return n
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def shapes_near_particle(side, p, wanted, near, count, distance, lane, reach, found, least):
     """Finds the shapes on one side of particle p that are at most `reach` away from it.
 
@@ -72,7 +72,7 @@ def shapes_near_particle(side, p, wanted, near, count, distance, lane, reach, fo
     return n
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def shapes_on_side(box, side, p, wanted, px, py, pz, thickness, found, least):
     """All shapes on one side of particle p, with lower bounds of their distances from a point."""
     n = 0

@@ -91,7 +91,7 @@ class Contacts(NamedTuple):
         )
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _length(x, y, z):
     return np.sqrt(x * x + y * y + z * z)
 
@@ -141,7 +141,7 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
             ox = px = x[p, 0]
             oy = py = x[p, 1]
             oz = pz = x[p, 2]
-            k = -1
+            k = np.int64(-1)
             nx = ny = nz = depth = away = firm = zero
             pressed = False
             if outer < rim:

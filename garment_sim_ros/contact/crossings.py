@@ -59,7 +59,7 @@ def find_hits(ends, x, triangles, core, at):
     return count
 
 
-@exact_kernel(forceinline=True)
+@exact_kernel(inner=True)
 def _place(start, end, x, a, b, c):
     """Where a segment runs through one triangle, 0 to 1; -1 where it does not."""
     d0, d1, d2 = end[0] - start[0], end[1] - start[1], end[2] - start[2]
@@ -119,7 +119,7 @@ def overlaps(ends, position, rotation, planes, plane_start, same_bone, low, high
                 low[k, s], high[k, s] = first, last
 
 
-@exact_kernel(forceinline=True)
+@exact_kernel(inner=True)
 def _turned_back(R, end, start):
     """``R^T (end - start)``."""
     x, y, z = end[0] - start[0], end[1] - start[1], end[2] - start[2]

@@ -25,7 +25,7 @@ _HULL = KINDS.index("hull")
 _SDF = KINDS.index("sdf")
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def shape_distance(shapes, posed, k, px, py, pz, reach):
     """Signed distance of a point to shape k, infinite above `reach`, and the direction out."""
     qx = px - posed.centre[k, 0]
@@ -54,7 +54,7 @@ def shape_distance(shapes, posed, k, px, py, pz, reach):
     )
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def shape_distances(shapes, posed, k, thickness, block, cell, lane):
     """Distances of a block to shape k: to `DISTANCE`; above `thickness` lower bounds.
 
@@ -71,7 +71,7 @@ def shape_distances(shapes, posed, k, thickness, block, cell, lane):
             ellipsoid_distances_if_any(shapes, posed, k, block)
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def nearest_of_block(shapes, posed, k, block, lane, px, py, pz, reach):
     """As `shape_distance` of a particle in a block to shape k, the nearest by `keep_nearest`.
 
@@ -81,11 +81,11 @@ def nearest_of_block(shapes, posed, k, block, lane, px, py, pz, reach):
     if shapes.kind[k] == _HULL:
         nx, ny, nz = hull_normal_if_any(shapes, posed, k, block[PLANE + lane])
         return block[NEAREST + lane], nx, ny, nz, block[FIRM + lane]
-    d, nx, ny, nz = shape_distance(shapes, posed, k, px, py, pz, reach)
+    d, nx, ny, nz = shape_distance(shapes, posed, np.int64(k), px, py, pz, reach)
     return d, nx, ny, nz, np.float32(0.0)
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def deepest_shape(
     shapes, posed, near, least, count, moved, px, py, pz, reach, known, d, nx, ny, nz
 ):

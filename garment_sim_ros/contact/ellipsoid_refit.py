@@ -195,7 +195,7 @@ def _refit(carried, position, orientation, origin, shapes, posed, points, found,
         posed.bound[k, 7] = found[4, 1]
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def _carry(carried, j, position, orientation, origin, points):
     """Where the points of ellipsoid j are, about the origin; shape [at least n, 3]."""
     n = carried.points[j]

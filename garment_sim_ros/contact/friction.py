@@ -5,7 +5,7 @@ import numpy as np
 from garment_sim_ros.jit import lean_kernel
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def resist_slip(carry, k, px, py, pz, sx, sy, sz, nx, ny, nz, depth, friction):
     """Friction in terms of positions: takes away slip along a surface, as far as it is pressed.
 

@@ -227,7 +227,7 @@ def _middle_and_half(box: SingleArray) -> SingleArray:
     return np.hstack([0.5 * (low + high), 0.5 * (high - low)])
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _rotation_of(q, R):
     """Rotation matrix [3, 3] of a unit quaternion [4] in float64."""
     x, y, z, w = q[0], q[1], q[2], q[3]

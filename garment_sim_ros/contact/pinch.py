@@ -11,7 +11,7 @@ _FARTHEST = 4.0
 """A crease that is farther away than this, in depths, is none: the shapes oppose each other."""
 
 
-@lean_kernel()
+@lean_kernel(forceinline=True)
 def stay_between(shapes, posed, side, p, x_start, px, py, pz, k, thickness, rounding):
     """Where particle p, which came out of more than one shape, is held between two of them.
 

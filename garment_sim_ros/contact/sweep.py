@@ -93,7 +93,7 @@ def _inner_radius(kind: str, geometry: Mapping[str, object]) -> float:
     return 0.0
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _enters(shapes, posed, k, qx, qy, qz, rx, ry, rz, length, inner, thickness):
     """Where the way from q along r enters shape k, inflated by `thickness`.
 
@@ -243,7 +243,7 @@ def sweep(shapes, posed, side, way, x, x_start, x_coast, thickness):
     return stopped
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def _stop(shapes, posed, side, way, x, x_start, x_coast, thickness, first, count, p):
     """Stops particle p at the earliest entry into one of the shapes found; 1 if there is one."""
     one = np.float32(1.0)

@@ -14,7 +14,7 @@ _GRAZE = 0.05
 """Share of the longest shape: 2 cm on a human."""
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def leave_union(
     shapes,
     posed,
@@ -134,7 +134,7 @@ def leave_union(
             mx /= length
             my /= length
             mz /= length
-        known = -1
+        known = np.int64(-1)
         d = np.float32(np.inf)
         # To where the plane of the surface is met, but no farther than ten depths.
         depth /= max(mx * nx + my * ny + mz * nz, np.float32(0.1))
@@ -144,7 +144,7 @@ def leave_union(
     return hx, hy, hz, True
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def leave_all(
     shapes,
     posed,
@@ -192,7 +192,7 @@ def leave_all(
     return x, y, z
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def give_way(shapes, posed, near, least, count, px, py, pz, thickness, rounding):
     """Moves a point out of the deepest of the shapes that its garment does not lie on.
 

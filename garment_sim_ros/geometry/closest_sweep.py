@@ -31,7 +31,7 @@ def grid_distances(
     return np.sqrt(squared)
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _offer(x, triangles, t, i, j, k, nearest, foot, squared):
     """Notes triangle t where it is closer to a node than what that has."""
     d2, px, py, pz, _ = closest_point(x, triangles[t], float(i), float(j), float(k))

@@ -7,7 +7,7 @@ compiling for each of them.
 from garment_sim_ros.jit import kernel
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def copy(source, target):
     """Writes an array to another one of the same size; both are C-contiguous."""
     a, b = source.reshape(-1), target.reshape(-1)

@@ -25,7 +25,7 @@ def room_for_points(n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return np.zeros((5, n)), np.zeros((7, 4))
 
 
-@kernel()
+@kernel(inner=True)
 def find_weights(table, count, d, tolerance, keep, scratch):
     """The weights of the ellipsoid's moments.
 
@@ -54,7 +54,7 @@ def find_weights(table, count, d, tolerance, keep, scratch):
     return _optimise(table, count, d, tolerance, keep, scratch[:4], scratch[4])
 
 
-@kernel()
+@kernel(inner=True)
 def _start(table, n, d, basis, direction):
     """Kumar & Yildirim's first guess: extreme points in d orthogonal directions."""
     for p in range(n):
@@ -117,7 +117,7 @@ def _start(table, n, d, basis, direction):
         table[WEIGHT, p] /= total
 
 
-@kernel()
+@kernel(inner=True)
 def _invert_moments(table, count, d, M):
     """Inverse of ``sum w q q^T``, with just enough added to have one."""
     for r in range(4):
@@ -160,7 +160,7 @@ def _invert_moments(table, count, d, M):
             M[r, c] = -M[r, c]
 
 
-@kernel()
+@kernel(inner=True)
 def _form(table, count, M):
     """``q^T M q`` of every point, into the row `KAPPA`."""
     m00, m11, m22, m33 = M[0, 0], M[1, 1], M[2, 2], M[3, 3]
@@ -176,7 +176,7 @@ def _form(table, count, M):
         )
 
 
-@kernel()
+@kernel(inner=True)
 def _optimise(table, count, d, tolerance, keep, M, product):
     """Todd & Yildirim's steps towards or away from one point, until all are within tolerance.
 

@@ -113,7 +113,7 @@ def _march(field, cubes, edge_vertex, x, triangles):
     return nv, nt
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def normal_of(x, a, b, c):
     """Normal of the triangle a, b, c of vertices x, as long as twice its area."""
     ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]

@@ -221,7 +221,7 @@ def _pseudo_normals(x, triangles, edge, face_normal, edge_normal, vertex_normal)
                 vertex_normal[triangles[t, corner], k] += angle * face_normal[t, k]
 
 
-@kernel()
+@kernel(inner=True)
 def box_distance2(box, px, py, pz):
     """Squared distance of a point to a box, 0 inside."""
     dx = max(box[0] - px, 0.0, px - box[3])
@@ -230,7 +230,7 @@ def box_distance2(box, px, py, pz):
     return dx * dx + dy * dy + dz * dz
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def closest_on_triangle(a, b, c, px, py, pz):
     """Barycentric coordinates of b and c of the closest point, and its feature.
 
@@ -270,7 +270,7 @@ def closest_on_triangle(a, b, c, px, py, pz):
     return vb / total, vc / total, 0
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def closest_point(x, triangle, px, py, pz):
     """Squared distance, closest point and feature of one triangle."""
     a = x[triangle[0]]

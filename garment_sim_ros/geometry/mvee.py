@@ -105,7 +105,7 @@ def room_to_enclose(n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     return *room_for_points(n), np.empty((4, 3, 3))
 
 
-@kernel()
+@kernel(forceinline=True)
 def enclose(points, count, tolerance, min_radius, guess, scratch, found):
     """See `mvee`; allocates nothing.
 
@@ -190,7 +190,7 @@ def enclose(points, count, tolerance, min_radius, guess, scratch, found):
             radii[k] *= np.sqrt(needed) * (1.0 + 1e-12)
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _moments(points, count, centre, S):
     """Sum of squares and products about a centre, shape [3, 3]."""
     for r in range(3):
@@ -202,7 +202,7 @@ def _moments(points, count, centre, S):
             S[c, r] = total
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _weighted_moments(table, count, d, scale, middle, S):
     """Centre and shape matrix of the ellipsoid that weights describe, scaled back.
 
@@ -235,7 +235,7 @@ def _weighted_moments(table, count, d, scale, middle, S):
         middle[r] *= scale[r] if r < d else 0.0
 
 
-@kernel()
+@kernel(inner=True)
 def _sort(S, axes):
     """Largest eigenvalue first, in place."""
     for last in range(2, 0, -1):

@@ -35,7 +35,7 @@ def nearest_in_polyhedron(planes, count, target, tolerance, x):
     return True
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _nearest_on_plane(planes, i, target, tolerance, x):
     """The same on plane i, subject to the half-spaces before it."""
     n = planes[i]

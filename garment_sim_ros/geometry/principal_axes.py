@@ -12,7 +12,7 @@ _SWEEPS = 16
 _NEGLIGIBLE = 1e-32
 
 
-@kernel()
+@kernel(forceinline=True)
 def principal_axes(S, axes):
     """Diagonalises a symmetric positive semidefinite matrix.
 

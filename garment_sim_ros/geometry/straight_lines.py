@@ -118,7 +118,7 @@ def _look(vertices, triangles, across, corners, limit, distance):
                 size += 1
 
 
-@exact_kernel(forceinline=True)
+@exact_kernel(inner=True)
 def _squared(vertices, i, j):
     """Squared distance of two vertices."""
     x = vertices[i, 0] - vertices[j, 0]
@@ -127,14 +127,14 @@ def _squared(vertices, i, j):
     return x * x + y * y + z * z
 
 
-@exact_kernel(forceinline=True)
+@exact_kernel(inner=True)
 def _third(from_start, from_end, length):
     """Along and away from a line, where a point lies of known squared distances from its ends."""
     along = (from_start - from_end + length * length) / (2.0 * max(length, 1e-30))
     return along, np.sqrt(max(from_start - along * along, 0.0))
 
 
-@exact_kernel(forceinline=True)
+@exact_kernel(inner=True)
 def _near(ax, ay, bx, by):
     """How near a segment comes to the origin."""
     ex, ey = bx - ax, by - ay

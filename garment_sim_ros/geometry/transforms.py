@@ -13,7 +13,7 @@ AXES_FROM_Y_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Rotation from y up, facing +z (glTF) to z up, facing +x (REP-103), shape [3, 3]."""
 
 
-@kernel()
+@kernel(forceinline=True)
 def quaternion_multiply(ax, ay, az, aw, bx, by, bz, bw):
     """Hamilton product a b; rotates by b first, then by a."""
     return (
@@ -24,7 +24,7 @@ def quaternion_multiply(ax, ay, az, aw, bx, by, bz, bw):
     )
 
 
-@kernel()
+@kernel(forceinline=True)
 def rotate(qx, qy, qz, qw, vx, vy, vz):
     """Vector v rotated by the unit quaternion q."""
     tx = 2.0 * (qy * vz - qz * vy)
@@ -43,7 +43,7 @@ def rotate_inverse(qx, qy, qz, qw, vx, vy, vz):
     return rotate(-qx, -qy, -qz, qw, vx, vy, vz)
 
 
-@kernel()
+@kernel(inner=True)
 def slerp(ax, ay, az, aw, bx, by, bz, bw, s):
     """Shortest-arc spherical interpolation from a (s = 0) to b (s = 1), unit length."""
     dot = ax * bx + ay * by + az * bz + aw * bw
@@ -67,7 +67,7 @@ def slerp(ax, ay, az, aw, bx, by, bz, bw, s):
     return x * scale, y * scale, z * scale, w * scale
 
 
-@kernel()
+@kernel(forceinline=True)
 def unit_quaternion(m):
     """Unit quaternion (x, y, z, w), w >= 0, of the rotation in the upper left of the matrix m."""
     xx = m[0, 0]

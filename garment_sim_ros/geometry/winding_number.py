@@ -53,7 +53,7 @@ def refit_dipoles(x, triangles, depth, boxes, dipoles):
         own[6] = np.sqrt(radius2)
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _solid_angle(a, b, c, px, py, pz):
     """Signed solid angle of a triangle (Van Oosterom & Strackee 1983), half of it [sr]."""
     ax, ay, az = a[0] - px, a[1] - py, a[2] - pz
@@ -72,7 +72,7 @@ def _solid_angle(a, b, c, px, py, pz):
     return np.arctan2(volume, dots)
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def winding(x, triangles, depth, dipoles, px, py, pz):
     """How often the surface goes around a point; 1 inside a simple body."""
     n = triangles.shape[0]
@@ -109,7 +109,7 @@ def insides(x, triangles, depth, dipoles, points, result):
         result[i] = winding(x, triangles, depth, dipoles, p[0], p[1], p[2]) > INSIDE
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def face_normal(x, triangle):
     """Unit normal of a triangle, zero where it has no area."""
     a, b, c = x[triangle[0]], x[triangle[1]], x[triangle[2]]
@@ -118,14 +118,14 @@ def face_normal(x, triangle):
     return normal / length if length > 0.0 else normal
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def is_buried(x, triangles, depth, dipoles, triangle, at):
     """Whether a place on a triangle is inside the body, in a fold or in another part."""
     p = at + _BESIDE * face_normal(x, triangle)
     return winding(x, triangles, depth, dipoles, p[0], p[1], p[2]) > INSIDE
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def burial(x, triangles, depth, dipoles, state, t):
     """Whether triangle t is `OUTER`, `BURIED` or `MIXED`, by its middle and corners; kept."""
     if state[t] == UNKNOWN:

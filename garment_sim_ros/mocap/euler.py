@@ -13,7 +13,7 @@ from garment_sim_ros.jit import kernel
 _TWO_PI = 2.0 * np.pi
 
 
-@kernel()
+@kernel(inner=True)
 def quaternion_from_euler(axes, first, middle, last):
     """Quaternion of R(axes[0], first) R(axes[1], middle) R(axes[2], last).
 
@@ -50,13 +50,13 @@ def quaternions_from_euler(axes, angles):
     return rotations
 
 
-@kernel()
+@kernel(inner=True)
 def _near(angle, target):
     """The angle plus the multiple of a full turn that comes nearest to `target`."""
     return angle + _TWO_PI * np.round((target - angle) / _TWO_PI)
 
 
-@kernel()
+@kernel(forceinline=True)
 def euler_near(rotation, axes, near, out):
     """Angles of a rotation on the branch nearest to given ones.
 

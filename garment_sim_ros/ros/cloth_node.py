@@ -23,12 +23,9 @@ from garment_sim_ros.ros.conversions import StampedPoses, poses_from, text_from
 from garment_sim_ros.ros.diagnostics import Condition
 from garment_sim_ros.ros.dresser import Dressed, Dresser
 from garment_sim_ros.ros.garment_publishers import GarmentPublishers, GarmentQuality
-from garment_sim_ros.ros.interfaces import (
-    COLLIDER_DESCRIPTION,
-    COLLIDER_POSES,
-    QUALITY,
-)
-from garment_sim_ros.ros.lifecycle import ManagedNode, run
+from garment_sim_ros.ros.interfaces import COLLIDER_DESCRIPTION, COLLIDER_POSES, QUALITY
+from garment_sim_ros.ros.lifecycle import ManagedNode
+from garment_sim_ros.ros.process import run
 from garment_sim_ros.ros.progress import reporting
 from garment_sim_ros.ros.rclpy_internals import PARTICIPANT, Taken
 from garment_sim_ros.ros.sources import OTHER_PUBLISHER, Source

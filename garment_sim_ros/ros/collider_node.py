@@ -40,8 +40,9 @@ from garment_sim_ros.ros.interfaces import (
     ROOT_POSE,
 )
 from garment_sim_ros.ros.joint_channels import MISSING, UNKNOWN, JointChannels
-from garment_sim_ros.ros.lifecycle import ManagedNode, run
+from garment_sim_ros.ros.lifecycle import ManagedNode
 from garment_sim_ros.ros.markers import ColliderMarkers
+from garment_sim_ros.ros.process import run
 from garment_sim_ros.ros.progress import reporting
 from garment_sim_ros.ros.rclpy_internals import Taken
 from garment_sim_ros.ros.serialize import Poses, StampedPose

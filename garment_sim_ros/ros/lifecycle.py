@@ -1,18 +1,12 @@
-"""What all nodes share: lifecycle, parameters, diagnostics, and how a process begins and ends."""
+"""What all nodes share: lifecycle, parameters and diagnostics."""
 
 import dataclasses
 import gc
-import os
-import signal
-import sys
 import traceback
 from collections.abc import Callable, Sequence
-from types import FrameType
 from typing import Any, Generic, TypeVar
 
-import rclpy
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import (
     LifecycleNode,
     LifecyclePublisher,
@@ -23,22 +17,20 @@ from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 
 from garment_sim_ros.errors import GarmentSimError, MessageError, ParameterError
-from garment_sim_ros.nodes import NODES, version
+from garment_sim_ros.nodes import NODES
 from garment_sim_ros.params import LifecycleParameters, idle
-from garment_sim_ros.ros.arguments import in_short, plain_numbers
 from garment_sim_ros.ros.diagnostics import Condition, Diagnostics, Rejections
 from garment_sim_ros.ros.inputs import Input, Inputs
 from garment_sim_ros.ros.interfaces import Topic, advertise, advertise_always
 from garment_sim_ros.ros.parameters import NodeParameters, set_on
 from garment_sim_ros.ros.rclpy_internals import (
-    RCLError,
     Taken,
     activate,
     given_names,
     lifecycle_state,
 )
 from garment_sim_ros.ros.sources import Source
-from garment_sim_ros.ros.ticker import Ticker, Waits, spin
+from garment_sim_ros.ros.ticker import Ticker, Waits
 
 Group = TypeVar("Group")
 Other = TypeVar("Other")
@@ -46,11 +38,6 @@ Other = TypeVar("Other")
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
 _OVERRIDES = "qos_overrides."
 """What `rclpy` declares by itself."""
-
-_SWITCH_INTERVAL = 5e-4
-"""Longest wait of a frame for a thread that makes something beside it in Python [s]."""
-_GRACE = 2.0
-"""Time that a callback has to end once a signal asked for it [s]."""
 
 
 class ManagedNode(LifecycleNode, Generic[Group]):
@@ -358,101 +345,3 @@ class ManagedNode(LifecycleNode, Generic[Group]):
         result = super().on_shutdown(state)
         self._undo()
         return result
-
-
-class _Stopped(BaseException):
-    """A signal came while the node was not yet spinning."""
-
-
-class _StopSignals:
-    """SIGINT and SIGTERM end the process in order, from the first line to the last.
-
-    `rclpy` ends spinning on both; before that, work in Python is interrupted, and so is work
-    that has not ended some time after.
-    """
-
-    def __init__(self) -> None:
-        self.asked = False
-        self.interrupts = True
-        # Before rclpy.init: its own handlers call these afterwards.
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._take)
-        signal.signal(signal.SIGALRM, self._insist)
-
-    def _take(self, number: int, frame: FrameType | None) -> None:
-        self.asked = True
-        if self.interrupts:
-            self.interrupts = False
-            raise _Stopped
-        signal.setitimer(signal.ITIMER_REAL, _GRACE)
-
-    def _insist(self, number: int, frame: FrameType | None) -> None:
-        raise _Stopped
-
-    def ended(self) -> None:
-        """Interrupt nothing any more."""
-        self.interrupts = False
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, signal.SIG_IGN)
-
-
-def run(
-    name: str, make_node: Callable[[], ManagedNode[Any]], argv: list[str] | None = None
-) -> int:
-    """Run a node until SIGINT, SIGTERM or the end of its context.
-
-    With `--help` or `--version` it tells about itself instead.
-
-    Args:
-        name: The node's name.
-        make_node: Makes the node.
-        argv: Command line with ROS arguments; that of the process where None.
-
-    Returns:
-        Exit code: 0, or 2 for a parameter or file that is not allowed, after one line about it.
-    """
-    words = sys.argv[1:] if argv is None else argv
-    if asked := {"-h", "--help", "--version"}.intersection(words):
-        print(version() if asked == {"--version"} else NODES[name].help())
-        return 0
-    signals = _StopSignals()
-    sys.setswitchinterval(_SWITCH_INTERVAL)
-    # Sending happens in a thread of the middleware's: a slow reader does not delay a frame.
-    os.environ.setdefault("RMW_FASTRTPS_PUBLICATION_MODE", "ASYNCHRONOUS")
-    node: ManagedNode[Any] | None = None
-    try:
-        with plain_numbers(argv) as plain:
-            rclpy.init(args=plain)
-        node = make_node()
-        if node.autostart:
-            _autostart(node)
-        # What lives now lives to the end: the collector need not look at it again.
-        gc.collect()
-        gc.freeze()
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        signals.interrupts = False
-        if not signals.asked:
-            spin(executor, node)
-    except (_Stopped, ExternalShutdownException):
-        pass
-    except GarmentSimError as error:
-        print(f"error: {error}", file=sys.stderr, flush=True)
-        return 2
-    except RCLError as error:
-        # The context is gone between two lines of a callback once a signal came.
-        if not signals.asked:
-            print(f"error: {in_short(error)}", file=sys.stderr, flush=True)
-            return 2
-    finally:
-        signals.ended()
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
-
-
-def _autostart(node: ManagedNode[Any]) -> None:
-    if node.trigger_configure() != TransitionCallbackReturn.SUCCESS:
-        raise node.failure or GarmentSimError(f"{node.get_name()} could not be configured")
-    node.trigger_activate()

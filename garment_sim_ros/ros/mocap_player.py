@@ -17,7 +17,8 @@ from garment_sim_ros.mocap.source_urdf import urdf_from_clip
 from garment_sim_ros.params import MocapPlayerParameters
 from garment_sim_ros.ros.diagnostics import Condition
 from garment_sim_ros.ros.interfaces import CLOCK, JOINT_STATES, ROBOT_DESCRIPTION
-from garment_sim_ros.ros.lifecycle import ManagedNode, run
+from garment_sim_ros.ros.lifecycle import ManagedNode
+from garment_sim_ros.ros.process import run
 from garment_sim_ros.ros.serialize import Joints
 from garment_sim_ros.stamps import SECOND
 

@@ -15,6 +15,8 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
+from numba.core.dispatcher import Dispatcher
+
 from garment_sim_ros import jit
 from garment_sim_ros.sim import settle
 from garment_sim_ros.sim.model import Parameters
@@ -100,7 +102,7 @@ def _size(kernel: Any, seen: set[Any]) -> int:
     return len(function.__code__.co_code) + sum(
         _size(other, seen)
         for other in called
-        if isinstance(other, type(kernel)) and other not in seen
+        if isinstance(other, Dispatcher) and other not in seen
     )
 
 

@@ -157,7 +157,7 @@ def carry_pins(x, v, pin_collider, pin_position, position, orientation, origin, 
             x[p, k] = new
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def glide(x, v, time, x_coast):
     """Where particles get in some time [s] if nothing acts on them; arrays [n, 3]."""
     for p in range(x.shape[0]):

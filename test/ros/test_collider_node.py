@@ -455,7 +455,6 @@ def test_clean_end(node, feeder):
     assert "Traceback" not in node.output
 
 
-@pytest.mark.xfail(reason="fits differ between kernels just compiled and loaded", strict=False)
 def test_fits_what_the_command_fits(start_node, make_probe, until, tmp_path):
     probe = make_probe("/fit_test")
     description = probe.listen(COLLIDER_DESCRIPTION)

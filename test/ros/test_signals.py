@@ -1,5 +1,6 @@
 """Nodes end when they are told to, whatever they are doing."""
 
+import contextlib
 import signal
 import subprocess
 import sys
@@ -10,10 +11,11 @@ pytest.importorskip("rclpy")
 
 pytestmark = pytest.mark.ros
 
-NODE = """
+STUCK = """
 import sys
 from garment_sim_ros.params import MocapPlayerParameters
-from garment_sim_ros.ros.lifecycle import ManagedNode, run
+from garment_sim_ros.ros.lifecycle import ManagedNode
+from garment_sim_ros.ros.process import run
 
 class Stuck(ManagedNode):
     def __init__(self):
@@ -29,12 +31,28 @@ class Stuck(ManagedNode):
 sys.exit(run("mocap_player", Stuck, []))
 """
 
+HALF_MADE = """
+import sys, time
+from garment_sim_ros.ros.process import run
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("work", ["while True: pass", "import time; time.sleep(1e6)"])
-def test_a_callback_that_does_not_end_is_interrupted(number, work):
+class Long:
+    def __init__(self):
+        print("stuck", flush=True)
+        time.sleep(1e6)
+        self.handle = 1
+
+    def __del__(self):
+        print(f"ends without {self.handle}")
+
+sys.exit(run("mocap_player", Long, []))
+"""
+
+
+@contextlib.contextmanager
+def stuck(code):
+    """A process that has come to where it says that it is stuck."""
     process = subprocess.Popen(
-        [sys.executable, "-c", NODE.format(work=work)],
+        [sys.executable, "-c", code],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -45,9 +63,25 @@ def test_a_callback_that_does_not_end_is_interrupted(number, work):
         while not said or "stuck" not in said[-1]:
             said.append(process.stdout.readline())
             assert said[-1], said
-        process.send_signal(number)
-        assert process.wait(60.0) == 0
-        assert "Traceback" not in process.stdout.read()
+        yield process
     finally:
         process.kill()
         process.wait()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("work", ["while True: pass", "import time; time.sleep(1e6)"])
+def test_a_callback_that_does_not_end_is_interrupted(number, work):
+    with stuck(STUCK.format(work=work)) as process:
+        process.send_signal(number)
+        assert process.wait(60.0) == 0
+        assert "Traceback" not in process.stdout.read()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_what_is_cut_short_in_the_making_says_nothing(number):
+    """The compiler's objects expect to be whole when they end."""
+    with stuck(HALF_MADE) as process:
+        process.send_signal(number)
+        assert process.wait(60.0) == 0
+        assert process.stdout.read() == ""

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.colliders import fit_cache
 from garment_sim_ros.colliders.description import to_json
-from garment_sim_ros.colliders.fit_cache import cached_fit, fit_key
+from garment_sim_ros.colliders.fit_cache import cached_fit, content_key, fit_key
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.disk_cache import user_cache
 from garment_sim_ros.errors import ParameterError
@@ -161,3 +162,36 @@ def test_every_method_fits(body, method):
 def test_settings_are_checked(body, source):
     with pytest.raises(ParameterError, match="max_faces"):
         fit(body, source, ColliderOptions(max_faces=2))
+
+
+def test_the_default_mannequins_hulls_come_with_the_package():
+    """They are those that the code fits, but for what another processor rounds otherwise."""
+    body = load_body("mannequin")
+    shipped = fit_cache.SHIPPED.read_text().split("\n", 1)
+    assert shipped[0] == content_key(body, ColliderOptions())
+    read, told = fit(body, "mannequin", ColliderOptions())
+    assert to_json(read) == shipped[1]
+    assert not told
+    assert not kept(user_cache("colliders"))
+    fitted = fit_colliders(body, ColliderOptions())
+    assert [c.name for c in read.colliders] == [c.name for c in fitted.colliders]
+    directions = np.random.default_rng(0).normal(size=(100, 3))
+    for one, other in zip(read.colliders, fitted.colliders, strict=True):
+        if one.kind == "hull":
+            points = [np.asarray(c.geometry["vertices"]) for c in (one, other)]
+            extents = [(x @ directions.T).max(axis=0) for x in points]
+            np.testing.assert_allclose(*extents, atol=1e-3, err_msg=one.name)
+
+
+def test_another_body_or_option_has_other_hulls():
+    body = load_body("mannequin")
+    _, told = fit(body, "mannequin", ColliderOptions(delta=0.02))
+    assert "fitted" in told[0]
+
+
+def test_hulls_of_the_package_that_are_damaged_are_fitted(monkeypatch, tmp_path):
+    damaged = tmp_path / "hulls"
+    damaged.write_text(fit_cache.SHIPPED.read_text()[:-100])
+    monkeypatch.setattr(fit_cache, "SHIPPED", damaged)
+    _, told = fit(load_body("mannequin"), "mannequin", ColliderOptions())
+    assert "fitted" in told[0]

@@ -180,7 +180,7 @@ def _collapse(x, triangles, size, wanted):
     return alive, kept
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _squared_length(x, a, b):
     return (x[a, 0] - x[b, 0]) ** 2 + (x[a, 1] - x[b, 1]) ** 2 + (x[a, 2] - x[b, 2]) ** 2
 

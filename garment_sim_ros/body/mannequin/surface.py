@@ -174,7 +174,7 @@ def surface(parts: Sequence[Loft], floor_blend: float) -> Surface:
     )
 
 
-@kernel()
+@kernel(inner=True)
 def _loft(frame, span, knots, x, y, z):
     """Field of one loft at one point."""
     x -= frame[0, 0]
@@ -210,7 +210,7 @@ def _loft(frame, span, knots, x, y, z):
     return np.sqrt(du * du + dv * dv + beyond * beyond) * (1.0 - 1.0 / np.sqrt(q))
 
 
-@kernel()
+@kernel(inner=True)
 def _blend(knots, k0, i, k3, column, w0, w1, w2, w3):
     return (
         w0 * knots[k0, column]
@@ -220,7 +220,7 @@ def _blend(knots, k0, i, k3, column, w0, w1, w2, w3):
     )
 
 
-@kernel()
+@kernel(inner=True)
 def _smooth_minimum(a, b, k):
     h = k - abs(a - b)
     if h <= 0.0 or k == 0.0:
@@ -229,7 +229,7 @@ def _smooth_minimum(a, b, k):
     return min(a, b) - h * h * h * k / 6.0
 
 
-@kernel()
+@kernel(inner=True)
 def _near_loft(frame, span, knots, ball, x, y, z, limit):
     """Field of one loft where it may be under the limit, a large number elsewhere."""
     dx, dy, dz = x - ball[0], y - ball[1], z - ball[2]
@@ -238,7 +238,7 @@ def _near_loft(frame, span, knots, ball, x, y, z, limit):
     return _loft(frame, span, knots, x, y, z)
 
 
-@kernel()
+@kernel(inner=True)
 def _point_field(frame, span, knots, ball, flags, floor_blend, x, y, z):
     """Field of the whole body at one point."""
     d = 1e9

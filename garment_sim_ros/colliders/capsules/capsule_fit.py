@@ -20,7 +20,7 @@ _MAX_TAPER = 0.9
 """Largest |r1 - r0| over length: at 1 one ball swallows the other."""
 
 
-@kernel()
+@kernel(forceinline=True)
 def capsule_distance(capsule, x, y, z):
     """Distance to a tapered capsule (p0, p1, r0, r1), negative inside, and the minimising t."""
     dx = capsule[3] - capsule[0]

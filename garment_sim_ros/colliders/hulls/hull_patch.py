@@ -118,7 +118,7 @@ def gather_link(faces, neighbours, removed, patch, count, link, outer):
     return edges if count == edges + 2 * inside - 2 else 0
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _corner(faces, f, v):
     """Which corner of face f is vertex v."""
     if faces[f, 0] == v:

@@ -64,7 +64,7 @@ def quadric_error(q, v):
     )
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _fill_conditions(x, faces, inner, link, outer, edges, touching, planes):
     """The half-spaces that a new vertex over the outline must lie in; returns their number."""
     count = 0
@@ -141,7 +141,7 @@ def _cross(a, b, c, n):
     n[2] = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _unit(n):
     """Normalise in place; False if there is nothing to normalise."""
     length = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
@@ -167,7 +167,7 @@ def fan_volume(x, link, edges, v):
     return volume / 6.0
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _quadric_metric(q, guess, metric, centre):
     """Coordinates in which the quadric error is the squared distance from its least point.
 
@@ -191,7 +191,7 @@ def _quadric_metric(q, guess, metric, centre):
     metric[3], metric[4], metric[5] = l20, l21, l22
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _volume_metric(x, link, edges, guess, metric, centre):
     """Plain coordinates about a point far down the gradient of the volume, linear in v.
 
@@ -214,7 +214,7 @@ def _volume_metric(x, link, edges, guess, metric, centre):
     return True
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _change_plane(n, metric, centre, out):
     """A half-space in the coordinates ``L^T (v - centre)``."""
     m0 = n[0] / metric[0]

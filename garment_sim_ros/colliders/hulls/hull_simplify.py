@@ -100,7 +100,7 @@ def _attempt(start: Hull, inner: Hull, how: Simplification, objective: int) -> H
     return convex_hull(x[used] * size + centre)
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _removed_quadric(quadrics, removed):
     """Sum over the distinct vertices in `removed`."""
     total = quadrics[removed[0]].copy()
@@ -111,7 +111,7 @@ def _removed_quadric(quadrics, removed):
     return total
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _evaluate(
     x,
     quadrics,
@@ -160,7 +160,7 @@ def _evaluate(
     return fan_volume(x, link, edges, v) - before, count, edges
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _candidate(faces, f, i, removed):
     """Vertices that candidate i of face f removes: an edge (0 to 2) or the triangle (3)."""
     removed[0] = faces[f, i % 3]
@@ -226,8 +226,7 @@ def _delete(
         done = False
         while not done:
             best = np.inf
-            best_f = 0
-            best_i = 0
+            best_f = best_i = 0
             for f in range(face_count):
                 for i in range(4):
                     if costs[f, i] < best:
@@ -291,8 +290,8 @@ def _polish(
         removed[:] = vertex
         before = quadric_error(quadrics[vertex], x[vertex]) if objective == QUADRIC else 0.0
         cost, patch_size, _ = _evaluate(
-            x, quadrics, faces, neighbours, inner, limits, touching, objective, face_of[vertex],
-            removed, scratch, planes, v,
+            x, quadrics, faces, neighbours, inner, limits, touching, objective,
+            np.int64(face_of[vertex]), removed, scratch, planes, v,
         )  # fmt: skip
         if cost < before:
             x[vertex] = v

@@ -16,7 +16,7 @@ APART, CROSSED, FOUND_IN = 0, 1, 2
 """They did not meet; they did; they did before they set out."""
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def direction(p, d, a, u, v):
     """The unit direction from the segment p + s d to the triangle a, a + u, a + v.
 
@@ -37,19 +37,19 @@ def direction(p, d, a, u, v):
     return m, g, h, distance
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _between(a, b, s):
     return a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1]), a[2] + s * (b[2] - a[2])
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _relative(a, b, mean):
     """How far something moves from a to b, apart from what all move."""
     way = less(less(b, a), mean)
     return np.sqrt(dot(way, way))
 
 
-@lean_kernel()
+@lean_kernel(forceinline=True)
 def crossing(guard, x_before, x, c, t):
     """Whether triangle t and core c met, both on straight ways.
 

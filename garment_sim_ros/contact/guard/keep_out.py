@@ -31,13 +31,13 @@ _NO_PASS = 0.008
 """What particles near a core may move relative to it from search to search, at least [m]."""
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _put(x, q, m):
     for axis in range(3):
         x[q, axis] = m[axis]
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def _slow_down(guard, x_before, x, v, q, c, time):
     """Lets particle q move by the radius of core c at most, relative to it and since last time.
 
@@ -63,7 +63,7 @@ def _slow_down(guard, x_before, x, v, q, c, time):
         v[q, axis] = f * ride[axis] + r * (v[q, axis] - f * ride[axis])
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def _is_undone(guard, bodies, x_free, q, c, thickness):
     """Whether core c holds particle q against what contact did to it."""
     k = bodies.contacts.shape[q]
@@ -86,7 +86,7 @@ def _is_undone(guard, bodies, x_free, q, c, thickness):
     return distance < reach
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _let_go(guard, bodies, x_before, x_free, x, v, thickness, time):
     """What the guard held until now: slowed down, freed of what contact did, and let go of."""
     for q in range(guard.kept.size):
@@ -101,7 +101,7 @@ def _let_go(guard, bodies, x_before, x_free, x, v, thickness, time):
                 x[q, axis] = x_free[q, axis]
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def _find_side(guard, x_before, x, c, t, m, distance, u, v):
     """Finds, once in a search, on which side of core c triangle t belongs.
 
@@ -145,7 +145,7 @@ def _find_side(guard, x_before, x, c, t, m, distance, u, v):
         _put(guard.side[c], t, m)
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _move(guard, contacts, x, c, t, m, way, g, h, whole):
     """Moves triangle t by `way` along m: all of it, or by weights g and h of its last corners.
 
@@ -176,7 +176,7 @@ def _move(guard, contacts, x, c, t, m, way, g, h, whole):
     return True
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def _part(guard, contacts, x_before, x, attempt):
     """One Gauss-Seidel pass over the pairs; how many triangles were moved."""
     moved = 0
@@ -216,7 +216,7 @@ def _part(guard, contacts, x_before, x, attempt):
     return moved
 
 
-@kernel()
+@kernel(inner=True)
 def keep_out(guard, bodies, x_before, x_free, x, v, thickness, time):
     """Keeps all cores out of all triangles after a search for contacts.
 

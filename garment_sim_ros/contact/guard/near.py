@@ -7,20 +7,20 @@ from garment_sim_ros.contact.guard.nearest import along_segment, dot, less
 from garment_sim_ros.jit import lean_kernel
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def corner(x, i):
     """Position i of an array [n, 3]."""
-    return float(x[i, 0]), float(x[i, 1]), float(x[i, 2])
+    return np.float64(x[i, 0]), np.float64(x[i, 1]), np.float64(x[i, 2])
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def core(ends, c):
     """One end of core c, and the way to the other."""
     p = (ends[c, 0, 0], ends[c, 0, 1], ends[c, 0, 2])
     return p, (ends[c, 1, 0] - p[0], ends[c, 1, 1] - p[1], ends[c, 1, 2] - p[2])
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def pose_cores(guard, posed, carry):
     """Ends of the cores now, and where they were at the last search, about the local origin.
 
@@ -43,7 +43,7 @@ def pose_cores(guard, posed, carry):
             before[2] = d + turn[0, 2] * a + turn[1, 2] * b + turn[2, 2] * d
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _box_triangles(guard, x):
     """A box for each block of triangles."""
     triangles, box = guard.triangles, guard.box
@@ -62,7 +62,7 @@ def _box_triangles(guard, x):
         box[b, 3], box[b, 4], box[b, 5] = hx, hy, hz
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _block_is_near(box, b, p, d, reach):
     """Whether something in the box of block b may be within `reach` of the segment p + s d."""
     hx, hy, hz = box[b, 3] - box[b, 0], box[b, 4] - box[b, 1], box[b, 5] - box[b, 2]
@@ -71,7 +71,7 @@ def _block_is_near(box, b, p, d, reach):
     return square <= (reach + 0.5 * np.sqrt(hx * hx + hy * hy + hz * hz)) ** 2
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def find_near(guard, x):
     """Writes the pairs that may be within a core's radius and `TRACK` of each other.
 

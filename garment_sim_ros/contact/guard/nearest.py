@@ -7,13 +7,13 @@ from garment_sim_ros.jit import lean_kernel
 _PARALLEL = 1e-12
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def dot(a, b):
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def cross(a, b):
     """Vector product."""
     return (
@@ -23,13 +23,13 @@ def cross(a, b):
     )
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def less(a, b):
     """The vector a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def along_segment(p, d, m):
     """Nearest place to the point m on p + s d, s from 0 to 1, and the squared distance."""
     w = less(m, p)
@@ -38,7 +38,7 @@ def along_segment(p, d, m):
     return s, dot(x, x)
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def between_segments(p, d, q, e):
     """Nearest places of the segments p + s d and q + t e, s and t from 0 to 1."""
     r = less(p, q)
@@ -57,7 +57,7 @@ def between_segments(p, d, q, e):
     return s, t
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def foot(a, u, v, m):
     """Weights of the corners a + u and a + v at the foot of the point m; whether it is inside."""
     w = less(m, a)

@@ -29,7 +29,7 @@ def capsule_size(radius0: float, radius1: float, length: float) -> tuple[float, 
     return radius0, taper, length, float(lean)
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def capsule_distance(qx, qy, qz, ax, ay, az, radius0, taper, length, lean, reach):
     """Signed distance to a tapered capsule, exact within `reach`.
 

@@ -97,7 +97,7 @@ def nearest_on_ellipsoid(px, py, pz, rx, ry, rz):
     return gx * x2, gy * y2, gz * z2, gx * n, gy * n, gz * n
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def ellipsoid_distance(shapes, posed, k, qx, qy, qz, reach):
     """Signed distance to shape k, an ellipsoid, infinite above `reach`, and the unit way out.
 

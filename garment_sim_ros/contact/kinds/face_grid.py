@@ -109,19 +109,20 @@ def _fill(planes, low, cell, half, count, far, margin, start, face):
                         possible[found] = f
                         found += 1
                 for c in range(found):
-                    f = possible[c]
+                    one = np.int64(possible[c])
                     hidden = False
                     for d in range(found):
-                        if _is_below(planes, height, f, possible[d], ex, ey, ez, margin):
+                        other = np.int64(possible[d])
+                        if _is_below(planes, height, one, other, ex, ey, ez, margin):
                             hidden = True
                             break
                     if not hidden:
-                        face[at] = f
+                        face[at] = one
                         at += 1
                 start[row] = at
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _is_below(planes, height, f, g, ex, ey, ez, margin):
     """Whether face g is above face f in all of a cell."""
     n = planes[f]

@@ -195,7 +195,7 @@ def pack_hulls(
     )
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _cell_of(shapes, h, x, y, z):
     """The cell of hull h's grid that holds a point in the hull's frame."""
     i = np.int64((x - shapes.hulls.grid[h, 0]) * shapes.hulls.grid[h, 3])
@@ -209,7 +209,7 @@ def _cell_of(shapes, h, x, y, z):
     return np.uint64(cell + shapes.hulls.first_cell[h])
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _four_heights(shapes, four, x, y, z):
     """Heights of a point over four planes."""
     at = np.uint64(four) * np.uint64(20)
@@ -247,7 +247,7 @@ def _four_heights(shapes, four, x, y, z):
     )
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def two_highest(shapes, begin, end, x, y, z):
     """The two greatest heights of a point over planes, in fours from `begin` to `end` - 1.
 
@@ -274,7 +274,7 @@ def two_highest(shapes, begin, end, x, y, z):
     return best, second, which
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def planes_near(shapes, h, x, y, z, reach):
     """Where the planes stand that can be the nearest to a point, in fours: first, one past last.
 
@@ -292,7 +292,7 @@ def planes_near(shapes, h, x, y, z, reach):
     return shapes.hulls.first[h], shapes.hulls.first[h + 1]
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def hull_normal(shapes, posed, k, plane):
     """Unit direction out of shape k, a hull, over a plane that `two_highest` told."""
     at = np.uint64(plane)
@@ -321,7 +321,7 @@ def _compiled_hull_normal_if_any(shapes, posed, k, plane):
     return lambda shapes, posed, k, plane: hull_normal(shapes, posed, k, plane)
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def hull_distance(shapes, posed, k, qx, qy, qz, reach):
     """Signed distance to shape k, a hull, infinite above `reach`, and the unit direction out.
 

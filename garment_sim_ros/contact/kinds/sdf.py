@@ -62,14 +62,14 @@ def pack_grids(geometries: Mapping[str, Mapping[str, object]]) -> PackedGrids:
     )
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _within(value, last):
     """A coordinate in cells, moved into the grid."""
     value = value if value > np.float32(0.0) else np.float32(0.0)  # also where it is no number
     return value if value < last else last
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _cell_of(shapes, g, x, y, z):
     """The cell of grid g that is the nearest to a point in its frame.
 
@@ -108,7 +108,7 @@ def _cell_of(shapes, g, x, y, z):
     )
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _samples(shapes, first, along_x, along_y):
     """The eight samples of a cell, z fastest."""
     at = first + along_y
@@ -126,7 +126,7 @@ def _samples(shapes, first, along_x, along_y):
     )
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def sdf_height(shapes, g, x, y, z):
     """Signed distance of a point to grid g, both in the grid's frame [m]; beyond it a bound."""
     first, along_x, along_y, a, b, c, u, v, w = _cell_of(shapes, g, x, y, z)
@@ -146,7 +146,7 @@ def sdf_height(shapes, g, x, y, z):
     return value
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def sdf_distance(shapes, posed, k, qx, qy, qz, reach):
     """Signed distance to shape k, an sdf, infinite above `reach`, and the unit direction out.
 

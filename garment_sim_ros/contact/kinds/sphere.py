@@ -5,7 +5,7 @@ import numpy as np
 from garment_sim_ros.jit import lean_kernel
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def sphere_distance(qx, qy, qz, radius, reach):
     """Signed distance to a sphere, equations 5 and 6 of Sun et al. 2007.
 

@@ -150,7 +150,7 @@ def _checked(vertices: FloatArray, count: int) -> FloatArray:
     return x
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _closest_outer(x, triangles, depth, boxes, dipoles, state, strict, p, closest):
     """Squared distance to the nearest place that is not buried, and its triangle; -1 for none.
 
@@ -207,7 +207,7 @@ def _closest_outer(x, triangles, depth, boxes, dipoles, state, strict, p, closes
     return best_d2, best, best_side if best_d2 < skipped else 0
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _corner_from(before, x, corner, p, q, s):
     """A moving corner as seen from a moving point at the share `s` of the step."""
     e = before[corner]
@@ -224,12 +224,12 @@ def _cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _over(before, x, triangle, p, q, s):
     """Volume under a moving point over a moving triangle: positive in front of it."""
     a = _corner_from(before, x, triangle[0], p, q, s)
@@ -250,7 +250,7 @@ def _shares(before, x, triangle, p, q, s):
     return _dot(bc, face) / area2, _dot(ca, face) / area2, _dot(ab, face) / area2
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _meets(before, x, triangle, p, q):
     """When a moving point goes through a moving triangle from the front; 2 for never."""
     if _over(before, x, triangle, p, q, 0.0) < 0.0 or _over(before, x, triangle, p, q, 1.0) >= 0.0:
@@ -266,7 +266,7 @@ def _meets(before, x, triangle, p, q):
     return high if min(u, v, w) >= -_EDGE else 2.0
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _first_met(x, triangles, depth, boxes, before, boxes_before, p, q):
     """The triangle that a point meets first from the front on its way, -1 for none."""
     n = triangles.shape[0]
@@ -349,7 +349,7 @@ def _collide(
             p[:] = closest + (keep + 1e-7) * out
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _return_to(before, x, triangle, p, s, q):
     """Move the end q of a path to where the point that it met at the share s is in the end."""
     _, v, w = _shares(before, x, triangle, p, q, s)

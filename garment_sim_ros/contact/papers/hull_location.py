@@ -74,7 +74,7 @@ class HullLocator:
         return found, face
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _in_box(box, p):
     return (
         box[0, 0] <= p[0] <= box[1, 0]
@@ -83,7 +83,7 @@ def _in_box(box, p):
     )
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _between(plane, top, bottom, p):
     """Whether a point is below the plane of face `top` and above that of face `bottom`."""
     for f in (top, bottom):

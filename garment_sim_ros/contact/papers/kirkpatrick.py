@@ -182,7 +182,7 @@ def locate(tree, px, py):
     return tree.label[t] if _least_edge(tree.corner[t], px, py) >= -tree.tolerance else -1
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _least_edge(corner, px, py):
     """Smallest of the three areas between a point and the edges; negative outside."""
     least = np.inf

@@ -158,7 +158,7 @@ def _polar_range(polygon: FloatArray) -> tuple[float, float]:
     return float(min(polar)), float(max(polar))
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def ray_exit(table, x, y, z):
     """Where the response ray through a point leaves the hull.
 

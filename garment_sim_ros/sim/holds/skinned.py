@@ -30,7 +30,7 @@ def pose_frames(position, orientation, origin, collider, T):
             T[b, i, 3] = position[c, i] - origin[i]
 
 
-@kernel()
+@kernel(inner=True)
 def blended(T, index, weighted):
     """A point or direction as its frames take it, blended linearly.
 

@@ -43,7 +43,7 @@ def pull_tethers(x, v, pin, length, rate):
     return count
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def pull_springs(x, v, x_start, attached, position, orientation, origin, keep, dt, rate):
     """Springs of zero length between particles and places on colliders, implicit in time.
 

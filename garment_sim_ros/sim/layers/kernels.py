@@ -19,13 +19,13 @@ _FAST = np.float32(5.0 * PARTING_SPEED)
 """Particles faster than this [m/s] may come free by themselves, and are parted anew."""
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _cell(ix, iy, iz, cells):
     """A cell of a hashed grid; primes after Teschner et al. 2003."""
     return ((ix * 73856093) ^ (iy * 19349663) ^ (iz * 83492791)) & (cells - 1)
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _closest(x, triangles, t, px, py, pz):
     """Squared distance to triangle t, weights of its last two corners there, and the feature."""
     i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]

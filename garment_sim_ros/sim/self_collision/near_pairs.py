@@ -25,7 +25,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def edge_weights(x, a, b, c, d):
     """Where two edges are nearest to each other: weights of b on ab and of d on cd, squared gap.
 
@@ -57,7 +57,7 @@ def edge_weights(x, a, b, c, d):
     return s, t, dx * dx + dy * dy + dz * dz
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def point_gap(x, p, i, j, k):
     """Squared distance of a particle to a triangle."""
     b, c, _ = closest_on_triangle(x[i], x[j], x[k], x[p, 0], x[p, 1], x[p, 2])
@@ -70,7 +70,7 @@ def point_gap(x, p, i, j, k):
     return dx * dx + dy * dy + dz * dz
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _height(x, normal, p, i, u):
     """Height of particle p over the plane of triangle u, whose first corner is i."""
     return (
@@ -80,7 +80,7 @@ def _height(x, normal, p, i, u):
     )
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _crosses(x, a, b, i, j, k):
     """Whether the edge ab passes through a triangle."""
     ex, ey, ez = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]
@@ -102,7 +102,7 @@ def _crosses(x, a, b, i, j, k):
     return u >= _ZERO and w >= _ZERO and u + w <= nx * nx + ny * ny + nz * nz
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _meet(boxes, t, others, u):
     """Whether two boxes overlap."""
     return not (
@@ -115,7 +115,7 @@ def _meet(boxes, t, others, u):
     )
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _side_by_side(centre, rest_centre, i, j, far):
     """Whether two rows are neighbours at rest, and no nearer now than half as far as then."""
     now = difference(centre, i, j)
@@ -123,7 +123,7 @@ def _side_by_side(centre, rest_centre, i, j, far):
     return then < far * far and np.float32(4.0) * now > then
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _share_a_corner(triangles, t, u):
     """Whether two triangles have a corner in common."""
     for c in range(3):
@@ -133,7 +133,7 @@ def _share_a_corner(triangles, t, u):
     return False
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _beyond(start, normal, triangles, t, u, reach):
     """Whether a triangle is farther than reach from the plane of triangle u."""
     i = triangles[u, 0]
@@ -143,7 +143,7 @@ def _beyond(start, normal, triangles, t, u, reach):
     return min(min(ha, hb), hc) > reach or max(max(ha, hb), hc) < -reach
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _pair(
     t, u, start, way, rest, triangles, wing, owned, normal, distance, least, reach,
     points, point_limit, edges, edge_limit, crossings, counts,

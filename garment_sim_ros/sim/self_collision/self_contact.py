@@ -17,7 +17,7 @@ LEAST_LEVER = np.float32(0.25)
 """Effective inverse masses are at least this share of the largest one of the particles."""
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _over_triangle(x, p, i, j, k):
     """A triangle's unit normal, and the height of a particle over it; zeros if degenerate."""
     ex, ey, ez = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]
@@ -36,7 +36,7 @@ def _over_triangle(x, p, i, j, k):
     return nx, ny, nz, h
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _between_edges(x, a, b, c, d):
     """Common unit normal of edges ab and cd, and how far along it cd is; zeros if parallel."""
     ex, ey, ez = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
@@ -56,7 +56,7 @@ def _between_edges(x, a, b, c, d):
     return nx, ny, nz, h
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _on_the_way(before, x, i, j, s):
     """Particle i less particle j at the part s of a step."""
     r = _ONE - s
@@ -67,7 +67,7 @@ def _on_the_way(before, x, i, j, s):
     )
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def point_contact(before, x, p, i, j, k, limit):
     """Whether a particle came too near to a triangle, or through it, in a step.
 
@@ -124,7 +124,7 @@ def point_contact(before, x, p, i, j, k, limit):
     return limit - gap, dx * scale, dy * scale, dz * scale, b, c, False
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def edge_contact(before, x, a, b, c, d, limit):
     """Whether an edge came too near to another one, or through it, in a step.
 
@@ -183,7 +183,7 @@ def edge_contact(before, x, a, b, c, d, limit):
     return limit - abs(h), side * nx, side * ny, side * nz, s, t, False
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _ease(w, shape, normal, p, c, nx, ny, nz):
     """Inverse mass of a particle for a push along c n: less where it lies on the body."""
     if p >= shape.size or shape[p] < 0:
@@ -194,7 +194,7 @@ def _ease(w, shape, normal, p, c, nx, ny, nz):
     return w[p] * max(_ONE - into * into, _ZERO)
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _part(x, v, w, shape, normal, i, j, k, m, ci, cj, ck, cm, nx, ny, nz, depth, friction):
     """Moves four particles apart along n, where the sum of coefficients c is 0.
 

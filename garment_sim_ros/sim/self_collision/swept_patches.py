@@ -8,7 +8,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def difference(a, i, j):
     """Squared distance of two rows."""
     dx = a[i, 0] - a[j, 0]
@@ -17,13 +17,13 @@ def difference(a, i, j):
     return dx * dx + dy * dy + dz * dz
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def dot(a, i, j):
     """Dot product of two rows."""
     return a[i, 0] * a[j, 0] + a[i, 1] * a[j, 1] + a[i, 2] * a[j, 2]
 
 
-@kernel()
+@kernel(inner=True)
 def sweep(start, way, triangles, slack, boxes, normal, centre, radius, mean_way, sway):
     """Boxes of triangles that go their ways, larger by slack, [t, 6]; unit normals and centres.
 
@@ -67,7 +67,7 @@ def sweep(start, way, triangles, slack, boxes, normal, centre, radius, mean_way,
         sway[t] = np.sqrt(differs)
 
 
-@kernel()
+@kernel(inner=True)
 def sweep_patches(first, swept):
     """The same of patches of triangles, which begin at first [p + 1]; the last box is that of all.
 
@@ -113,13 +113,13 @@ def sweep_patches(first, swept):
         spread[p] = np.arccos(max(least, -_ONE))
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _cell_range(box, low, scale, d):
     """First cell along an axis that a box covers, and the one after the last."""
     return int((box[d] - low[d]) * scale), int((box[3 + d] - low[d]) * scale) + 1
 
 
-@kernel()
+@kernel(inner=True)
 def sort_into_cells(boxes, cell_start, entry):
     """Counting sort of boxes, the last of which is that of all, by the cells that they cover.
 

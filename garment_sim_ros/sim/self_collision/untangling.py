@@ -17,7 +17,7 @@ _INFINITE = np.float32(np.inf)
 _TINY = np.float32(1e-12)
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _passing(x, a, b, i, j, k):
     """Where the edge ab passes through a triangle.
 
@@ -46,7 +46,7 @@ def _passing(x, a, b, i, j, k):
     return yes, s, u, w, nx * scale, ny * scale, nz * scale
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _into(x, a, b, o, nx, ny, nz):
     """Unit direction of the contour from the edge ab into its triangle with the corner o."""
     ex, ey, ez = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]

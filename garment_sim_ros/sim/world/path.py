@@ -30,7 +30,7 @@ class Path(NamedTuple):
         return cls(np.zeros((sub_steps, colliders, 3)), np.zeros((sub_steps, colliders, 4)))
 
 
-@kernel()
+@kernel(forceinline=True)
 def same_poses(a, b):
     """Whether two `Poses` are equal, number for number."""
     for i in range(a.position.shape[0]):
@@ -73,7 +73,7 @@ class Way(NamedTuple):
     scratch: FloatArray
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _assign(poses, others):
     copy(others.position, poses.position)
     copy(others.orientation, poses.orientation)

@@ -33,14 +33,14 @@ def block_rows() -> NDArray[np.float32]:
     return np.zeros(21 * BLOCK, np.float32)
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _origin_of(table, k, origin):
     """Where the block's centre is among the coordinates of ellipsoid k's unit ball."""
     x, y, z = to_ball(table, k, origin[0], origin[1], origin[2])
     return np.float32(x), np.float32(y), np.float32(z)
 
 
-@kernel()
+@kernel(inner=True)
 def block_times(start, end, single, near, found, origin, rows, time):
     """When each particle meets each near ellipsoid, from 0 to 1; fills the row `FIRST`.
 
@@ -89,7 +89,7 @@ def block_times(start, end, single, near, found, origin, rows, time):
             rows[FIRST + p] = min(rows[FIRST + p], t)
 
 
-@kernel()
+@kernel(inner=True)
 def respond(
     start, end, single, near, found, origin, rows, time, rate, reflect, restitution, friction
 ):
@@ -220,7 +220,7 @@ def respond(
             rows[MET + p] = number if takes else rows[MET + p]
 
 
-@kernel()
+@kernel(inner=True)
 def lowest_zeta(end, single, near, found, origin, rows):
     """Least zeta of the positions `X` over the near ellipsoids; fills the row `LOWEST`.
 

@@ -116,7 +116,7 @@ def room_for(m: int) -> tuple[NDArray[np.float64 | np.float32 | np.int32], ...]:
     )
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _near_block(x_start, x, begin, stop, box, near, gap, frame, origin):
     """Ellipsoids near the motions of a block's particles.
 
@@ -234,7 +234,7 @@ def meet(start, end, scratch, x_start, x, velocity, dt, reflect, restitution, fr
     return count
 
 
-@kernel()
+@kernel(inner=True)
 def _let_out(start, everything, origin, rows):
     """Lets those of a block that start inside begin where they leave the ellipsoids.
 

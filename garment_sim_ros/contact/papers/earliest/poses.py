@@ -51,7 +51,7 @@ class PosedEllipsoids:
 # Kernels take such tables and not several arrays: those would be counted in and out at every call.
 
 
-@kernel()
+@kernel(inner=True)
 def prepare(table, box, single, first):
     """Boxes around ellipsoids, over both ends of the step, and their maps in single precision.
 
@@ -74,7 +74,7 @@ def prepare(table, box, single, first):
             box[3 + r, k] = high if first else max(box[3 + r, k], high)
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def to_ball(table, k, px, py, pz):
     """A point where ellipsoid k is the unit ball."""
     dx, dy, dz = px - table[k, 0], py - table[k, 1], pz - table[k, 2]
@@ -85,7 +85,7 @@ def to_ball(table, k, px, py, pz):
     )
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def turn_back(table, k, qx, qy, qz):
     """The transpose of the map to the unit ball, without its centre: normals come back so."""
     return (
@@ -95,7 +95,7 @@ def turn_back(table, k, qx, qy, qz):
     )
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def from_ball(table, k, qx, qy, qz):
     """The inverse of `to_ball`."""
     # The map is a rotation over radii: its inverse is its transpose times their squares.
@@ -104,7 +104,7 @@ def from_ball(table, k, qx, qy, qz):
     return table[k, 0] + x, table[k, 1] + y, table[k, 2] + z
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def inside_any(table, candidates, count, px, py, pz, but):
     """Whether one of the first `count` candidates other than `but` holds the point."""
     for c in range(count):

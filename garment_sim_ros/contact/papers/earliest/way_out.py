@@ -18,7 +18,7 @@ _BEYOND = 1e-7
 """How far beyond a surface points are put [m]: less than single precision tells."""
 
 
-@kernel()
+@kernel(inner=True)
 def _way_out(table, k, px, py, pz):
     """Nearest point of the surface of ellipsoid k, its normal, and how far that is."""
     rx, ry, rz = table[k, 12], table[k, 13], table[k, 14]
@@ -30,7 +30,7 @@ def _way_out(table, k, px, py, pz):
     return wx, wy, wz, mx, my, mz, way
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def comes_first(a0, a1, a2, a3, b0, b1, b2, b3):
     """Whether the first four numbers come before the other four, compared in order."""
     if a0 != b0:
@@ -42,7 +42,7 @@ def comes_first(a0, a1, a2, a3, b0, b1, b2, b3):
     return a3 < b3
 
 
-@kernel()
+@kernel(inner=True)
 def _deepest(table, candidates, count, px, py, pz):
     """Way out of that of the first `count` candidates which holds a point deepest.
 
@@ -65,7 +65,7 @@ def _deepest(table, candidates, count, px, py, pz):
     return wx, wy, wz, nx, ny, nz, deepest, last
 
 
-@kernel()
+@kernel(inner=True)
 def _free_way(table, candidates, count, px, py, pz):
     """The shortest way to the surface of a candidate that does not end in another.
 
@@ -89,7 +89,7 @@ def _free_way(table, candidates, count, px, py, pz):
     return bx, by, bz, chosen
 
 
-@kernel()
+@kernel(inner=True)
 def leave(table, candidates, count, px, py, pz):
     """Moves a point out of the union of the first `count` candidates.
 

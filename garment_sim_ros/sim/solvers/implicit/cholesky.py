@@ -11,19 +11,19 @@ from garment_sim_ros.jit import lean_kernel
 from garment_sim_ros.sim.solvers.implicit.dissection import PAD
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _add4(out, a, b, c, d, p, q, r, s):
     for j in range(out.size):
         out[j] += p * a[j] + q * b[j] + r * c[j] + s * d[j]
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _add(out, a, p):
     for j in range(out.size):
         out[j] += p * a[j]
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _dot4(a, b, c, d, x):
     p = q = r = s = np.float32(0.0)
     for j in range(x.size):
@@ -34,7 +34,7 @@ def _dot4(a, b, c, d, x):
     return p, q, r, s
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _dot(a, x):
     p = np.float32(0.0)
     for j in range(x.size):
@@ -42,13 +42,13 @@ def _dot(a, x):
     return p
 
 
-@lean_kernel(forceinline=True)
+@lean_kernel(inner=True)
 def _scale(out, p):
     for j in range(out.size):
         out[j] *= p
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def _gather(fronts, s, stiffness, diagonal, update, front):
     """Entries of a front [m m], upper triangle: its own and what its children add."""
     begin = fronts.first[s]
@@ -70,7 +70,7 @@ def _gather(fronts, s, stiffness, diagonal, update, front):
                 row[np.uint64(to[j])] += part[j]
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def _eliminate(front, width, m):
     """The first rows of a front [m m] become those of L^T, the others what is left."""
     for p in range(0, width, 4):
@@ -95,7 +95,7 @@ def _eliminate(front, width, m):
                     _add(front[i * m + i : i * m + m], a[i:], -a[i])
 
 
-@lean_kernel()
+@lean_kernel(inner=True)
 def _invert(front, width, m, factor):
     """Columns of [L11^-1; L21 L11^-1], last one first, from T L11 = [1; L21]."""
     length = (m + PAD - 1) // PAD * PAD
@@ -127,7 +127,7 @@ def _invert(front, width, m, factor):
         _scale(out, np.float32(1.0 / front[k * m + k]))
 
 
-@lean_kernel()
+@lean_kernel(forceinline=True)
 def factorise(fronts, stiffness, diagonal, changed, front, update, factor):
     """Factors the matrix again where it changed.
 
@@ -160,7 +160,7 @@ def factorise(fronts, stiffness, diagonal, changed, front, update, factor):
         _invert(front, width, m, factor[fronts.factor_start[s] : fronts.factor_start[s + 1]])
 
 
-@lean_kernel()
+@lean_kernel(forceinline=True)
 def solve_factorised(fronts, factor, x, scratch):
     """Solves for three right-hand sides at once.
 

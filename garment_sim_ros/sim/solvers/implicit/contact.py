@@ -10,7 +10,7 @@ _STIFFEST = np.float32(4.0**6)
 """How much stiffer contact with fast shapes becomes at most."""
 
 
-@kernel()
+@kernel(forceinline=True)
 def on_the_cone(ux, uy, uz, nx, ny, nz, gap, friction):
     """A contact's force over its stiffness: the gap along the normal, and as much of u as holds.
 
@@ -26,7 +26,7 @@ def on_the_cone(ux, uy, uz, nx, ny, nz, gap, friction):
     return held * ux + gap * nx, held * uy + gap * ny, held * uz + gap * nz
 
 
-@kernel()
+@kernel(inner=True)
 def take_hold(x, x_start, x_clear, contacts, carry, inner, lift, grip, swift, hold):
     """Planes of contact after a search with `lift` on top of the thickness.
 
@@ -83,7 +83,7 @@ def take_hold(x, x_start, x_clear, contacts, carry, inner, lift, grip, swift, ho
         hold.level[p] = level
 
 
-@kernel()
+@kernel(inner=True)
 def update_diagonal(base, place, owner, hold, diagonal, changed):
     """The matrix's diagonal with the contacts' stiffnesses; marks the fronts that it changes.
 

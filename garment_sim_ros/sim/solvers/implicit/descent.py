@@ -20,7 +20,7 @@ _TOO_FAR = 0.9
 """A step that ends where energy grows along it as fast as this share of how it fell is cut."""
 
 
-@kernel()
+@kernel(inner=True)
 def all_forces(x, free, x_start, behind, ties, cloth, friction, hold, force):
     """Less the gradient of a sub-step's energy [N], in the order of elimination, [3, free + 1]."""
     edge_forces(
@@ -46,14 +46,14 @@ def all_forces(x, free, x_start, behind, ties, cloth, friction, hold, force):
     force[:, free] = np.float32(0.0)
 
 
-@kernel()
+@kernel(inner=True)
 def advance(x, behind, ties, place, direction, step):
     """Goes so much of a direction [3, free + 1]."""
     move(x, behind, place, direction, step)
     follow_ties(place, ties, direction, step)
 
 
-@kernel()
+@kernel(inner=True)
 def minimise(x, free, x_start, behind, ties, cloth, friction, hold, past, iterations):
     """Steps towards the least energy, from x, which is changed in place."""
     force, other, direction = past.now, past.next, past.direction

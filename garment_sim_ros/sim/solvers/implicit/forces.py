@@ -18,7 +18,7 @@ _LOOSE = np.float32(0.5)
 """Up to this share of free fall a particle hangs on others, and does not fall ahead of them."""
 
 
-@kernel()
+@kernel(inner=True)
 def falls(share):
     """How much of what outer forces push the iterations begin with, for a share of free fall.
 
@@ -29,7 +29,7 @@ def falls(share):
     return max(np.float32(0.0), (share - _LOOSE) / (np.float32(1.0) - _LOOSE))
 
 
-@kernel()
+@kernel(inner=True)
 def predict_with_share(x, v, x_start, behind, share, push, keep, dt):
     """Positions from which those of least energy are found.
 
@@ -59,7 +59,7 @@ def predict_with_share(x, v, x_start, behind, share, push, keep, dt):
             x[p, k] = start + dt * (coasted + fall * push[k])
 
 
-@kernel()
+@kernel(forceinline=True)
 def edge_forces(x, particles, place, rest_squared, stiffness, force):
     """Forces of edges as springs, the first into `force`, which is cleared.
 
@@ -98,7 +98,7 @@ def edge_forces(x, particles, place, rest_squared, stiffness, force):
         fz[b] += dz
 
 
-@kernel()
+@kernel(forceinline=True)
 def hinge_forces(x, particles, place, weight, stiffness, force):
     """Adds the forces of hinges.
 
@@ -144,7 +144,7 @@ def hinge_forces(x, particles, place, weight, stiffness, force):
         fz[d] -= w3 * pz
 
 
-@kernel()
+@kernel(inner=True)
 def add_inertia_and_contact(x, x_start, behind, place, inertia, friction, hold, force):
     """Adds what inertia asks for, and what contacts press and hold.
 
@@ -185,7 +185,7 @@ def add_inertia_and_contact(x, x_start, behind, place, inertia, friction, hold, 
         force[2, q] += fz
 
 
-@kernel()
+@kernel(inner=True)
 def move(x, behind, place, change, step):
     """Moves particles [free, 3] by `step` times the columns [3, free + 1] of `change`."""
     for p in range(x.shape[0]):

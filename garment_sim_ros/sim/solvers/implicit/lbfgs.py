@@ -11,7 +11,7 @@ from garment_sim_ros.jit import kernel
 from garment_sim_ros.sim.solvers.implicit.cholesky import solve_factorised
 
 
-@kernel()
+@kernel(inner=True)
 def dot(a, b):
     """Inner product of two arrays [3, n]."""
     total = 0.0
@@ -21,7 +21,7 @@ def dot(a, b):
     return total
 
 
-@kernel()
+@kernel(inner=True)
 def add(out, a, factor):
     """Adds a multiple of an array [3, n] to another."""
     f = np.float32(factor)
@@ -30,7 +30,7 @@ def add(out, a, factor):
             out[k, i] += f * a[k, i]
 
 
-@kernel()
+@kernel(forceinline=True)
 def descend(force, fronts, factor, scratch, past, count, direction):
     """Where to go from a point with a force.
 
@@ -56,7 +56,7 @@ def descend(force, fronts, factor, scratch, past, count, direction):
         add(direction, past.step[c], past.share[c] - back)
 
 
-@kernel()
+@kernel(forceinline=True)
 def remember(past, count, direction, step, before, after):
     """Keeps a step and how much it changed the force; the new count of those kept.
 

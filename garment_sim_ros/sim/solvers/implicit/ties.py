@@ -43,7 +43,7 @@ def begin_ties(x, x_start, behind, ties, position, orientation, origin):
             ties.target[s, k] = goal
 
 
-@kernel()
+@kernel(inner=True)
 def add_ties(place, ties, force):
     """Adds the pull of attachments to forces [3, free + 1]; what is firm does not feel any."""
     for s in range(ties.particle.size):
@@ -55,7 +55,7 @@ def add_ties(place, ties, force):
                 force[k, q] += ties.pull[s] * ties.lead[s, k]
 
 
-@kernel()
+@kernel(inner=True)
 def follow_ties(place, ties, change, step):
     """What is left to pull after `move`."""
     for s in range(ties.particle.size):

@@ -9,7 +9,7 @@ _TWO = np.uint64(2)
 _THREE = np.uint64(3)
 
 
-@exact_kernel()
+@exact_kernel(inner=True)
 def _excess(rest, squared):
     """Excess length over length, exactly 0 for a spring at rest.
 

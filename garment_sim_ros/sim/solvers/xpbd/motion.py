@@ -3,7 +3,7 @@
 from garment_sim_ros.jit import exact_kernel, kernel
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def fall(x, v, x_start, x_predicted, push, keep, dt):
     """`motion.predict` over flat arrays, with `push` for every coordinate, shape [3 n]."""
     for i in range(v.size):
@@ -13,7 +13,7 @@ def fall(x, v, x_start, x_predicted, push, keep, dt):
         x_predicted[i] = x[i]
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def share_out(bent, v, pull, share, push):
     """Velocity that outer forces and bending add in each sub-step; flat arrays [3 n], pull [3]."""
     for p in range(v.size // 3):
@@ -22,7 +22,7 @@ def share_out(bent, v, pull, share, push):
             push[i] = pull[k] + (bent[i] - v[i]) * share
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def gain(x, v, x_predicted, rate):
     """Adds to velocities what constraints moved, over the sub-step; flat arrays [3 n]."""
     for i in range(v.size):

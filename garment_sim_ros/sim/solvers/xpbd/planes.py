@@ -38,7 +38,7 @@ def remember_planes(x, x_start, planes, carry):
     ride_on(x_start, shape, carry, planes.ride)
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def ride_on(x, shape, carry, ride):
     """How far the planes of particles at x move in a sub-step.
 
@@ -147,7 +147,7 @@ def return_to_planes(x, v, x_start, planes, inner_radius, friction, dt):
             _lift(x, v, x_start, p, depth, (nx, ny, nz), (rx, ry, rz), friction, rate)
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _lift(x, v, x_start, p, depth, n, r, friction, rate):
     """Moves particle p out by `depth` along n, with friction, at a surface that moves by r."""
     zero = np.float32(0.0)

@@ -31,7 +31,7 @@ _SHORT = np.float32(6e-4)
 """In a shorter sub-step [s] a coordinate's last place is too much velocity to round to."""
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def same(a, b):
     """Whether two arrays [n, 3] are equal, number for number; `np.array_equal` allocates."""
     for i in range(a.shape[0]):
@@ -66,7 +66,7 @@ def begin(own, rule, goes_on):
     return flags[_KNOWN] != 0
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _bend(own, ready, rule):
     """A pass over the hinges.
 
@@ -86,7 +86,7 @@ def _bend(own, ready, rule):
     )
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _predict(own, rule, moved):
     """Where outer forces and bending lead; positions stay where edges are solved exactly."""
     loose, dt = 3 * rule.free, rule.dt
@@ -99,7 +99,7 @@ def _predict(own, rule, moved):
         coast(x, v, x_start, moved[:loose], own.low, own.push, rule.keep, dt)
 
 
-@kernel(forceinline=True)
+@kernel(inner=True)
 def _stretch(own, ready, rule, moved):
     """Passes over the edges, and what they do to velocities.
 
