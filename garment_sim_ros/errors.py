@@ -19,6 +19,18 @@ class GarmentSimError(Exception):
     def __init__(self, message: object = "") -> None:
         super().__init__(one_line(message))
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Errors go from one process to another as they are, whatever they are made from."""
+        return _made_again, (type(self), self.args, self.__dict__)
+
+
+def _made_again(
+    kind: type[GarmentSimError], args: tuple[object, ...], state: dict[str, object]
+) -> GarmentSimError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(state)
+    return error
+
 
 class InputFileError(GarmentSimError):
     """A file is missing, unreadable or holds something that is not allowed.

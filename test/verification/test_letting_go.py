@@ -110,16 +110,21 @@ def test_what_is_overstretched_is_let_go_of_until_it_is_clear(cloth, frames, mon
 
 
 @pytest.mark.parametrize("frames", [6, 30])
-def test_what_is_overstretched_stays_on_its_side(cloth, frames):
-    """The guard holds what contact lets go of; it hangs as before when the capsule is back."""
+@pytest.mark.parametrize(("depth", "held"), [(0.25, True), (0.5, False)])
+def test_the_guard_outranks_letting_go(cloth, frames, depth, held):
+    """The guard holds what contact lets go of, as far as fabric could be pulled and farther.
+
+    In both cases the strip hangs as before when the capsule is back.
+    """
     simulation = strip(cloth, 2)
     simulation.reset(at(0.0, 0.5))
     hung = simulation.positions("cloth").copy()
     simulation.reset(at(0.0, 0.05))
-    go(simulation, line([0.0, 0.05], [0.0, -0.5], frames))
-    go(simulation, line([0.0, -0.5], [0.0, -0.5], 60))
-    assert simulation.positions("cloth")[:, 2].min() < -0.5
-    go(simulation, line([0.0, -0.5], [0.0, 0.5], 60))
+    go(simulation, line([0.0, 0.05], [0.0, -depth], frames))
+    go(simulation, line([0.0, -depth], [0.0, -depth], 60))
+    lowest = simulation.positions("cloth")[:, 2].min()
+    assert (lowest < -depth) if held else (lowest > -0.05)
+    go(simulation, line([0.0, -depth], [0.0, 0.5], 60))
     go(simulation, line([0.0, 0.5], [0.0, 0.5], 270))
     assert simulation.positions("cloth") == pytest.approx(hung, abs=2e-3)
     assert np.percentile(strains(simulation), 95) < 0.02

@@ -13,8 +13,8 @@ from garment_sim_ros.contact.sides import UNDER
 
 _SHARE = 0.6
 """Distance that triangles keep from a core, as a share of how deep it is in its shape."""
-_LARGEST = 0.03
-"""Most of it [m]."""
+_LEAST, _LARGEST = 0.004, 0.03
+"""Least and most of it [m]: a core may touch the surface of a slanting shape."""
 TRACK = 0.015
 """Sides are remembered so far beyond that distance [m]."""
 BLOCK = 16
@@ -39,6 +39,7 @@ class Guard(NamedTuple):
         side: Unit direction from the core to the triangle then, shape [c, t, 3].
         crossed: Whether the triangle has to come back to that side, shape [c, t].
         kept: The core that holds each free particle since the last search, -1 for none, shape [n].
+        moved: Scratch: how far each free particle was moved in the search [m], shape [n].
         counts: Number of the search; pairs of the last one; triangles moved in it; cores that
             were found in a triangle, without a side that they came from; shape [4].
     """
@@ -55,6 +56,7 @@ class Guard(NamedTuple):
     side: SingleArray
     crossed: NDArray[np.bool_]
     kept: IntArray
+    moved: SingleArray
     counts: IntArray
 
     @classmethod
@@ -80,14 +82,16 @@ class Guard(NamedTuple):
         order = np.lexsort(np.sort(triangles, axis=1).T[::-1])
         triangles = np.ascontiguousarray(triangles[order], np.int32)
         c, t, free = len(used), len(triangles), side.shape[1]
+        # More than half of the corners that are free.
         not_under = np.hstack([side[shape] != UNDER, np.zeros((c, 1), np.bool_)])
         of_corner = not_under[:, np.minimum(triangles, free)]
+        half = 0.5 * np.count_nonzero(triangles < free, axis=1)
         return cls(
             shape=shape,
             ends=np.ascontiguousarray(cores.ends[used]),
-            radius=np.clip(_SHARE * cores.depth[used], 0.0, _LARGEST),
+            radius=np.clip(_SHARE * cores.depth[used], _LEAST, _LARGEST),
             triangles=triangles,
-            outside=np.ascontiguousarray(of_corner.sum(axis=2) > 1),
+            outside=np.ascontiguousarray(of_corner.sum(axis=2) > half),
             box=np.zeros((-(-t // BLOCK), 6), np.float32),
             posed=np.zeros((2, c, 2, 3)),
             pairs=np.zeros((2, _MOST), np.int32),
@@ -95,6 +99,7 @@ class Guard(NamedTuple):
             side=np.zeros((c, t, 3), np.float32),
             crossed=np.zeros((c, t), np.bool_),
             kept=np.full(free, -1, np.int32),
+            moved=np.zeros(free, np.float32),
             counts=np.zeros(4, np.int32),
         )
 
@@ -114,6 +119,7 @@ class Guard(NamedTuple):
             side=np.zeros((0, 0, 3), np.float32),
             crossed=np.zeros((0, 0), np.bool_),
             kept=np.full(free, -1, np.int32),
+            moved=np.zeros(free, np.float32),
             counts=np.zeros(4, np.int32),
         )
 

@@ -25,6 +25,8 @@ from garment_sim_ros.jit import kernel, lean_kernel
 _PASSES = 4
 _FARTHEST = 0.02
 """Farthest that a triangle is moved in one pass [m]."""
+_BUDGET = 0.04
+"""Farthest that a particle is moved in a search [m]: it may be a corner of many triangles."""
 _CLOSE = 1e-4
 """From the second pass on, a distance that is too short by less is left [m]."""
 _NO_PASS = 0.008
@@ -57,6 +59,7 @@ def _slow_down(guard, x_before, x, v, q, c, time):
     longest = max(guard.radius[c], _NO_PASS)
     if length <= longest:
         return
+    guard.moved[q] = length - longest
     r, f = longest / length, 1.0 / time
     for axis in range(3):
         x[q, axis] = start[axis] + ride[axis] + r * way[axis]
@@ -92,6 +95,7 @@ def _let_go(guard, bodies, x_before, x_free, x, v, thickness, time):
     for q in range(guard.kept.size):
         c = guard.kept[q]
         guard.kept[q] = -1
+        guard.moved[q] = 0.0
         if c < 0:
             continue
         _slow_down(guard, x_before, x_free, v, q, c, time)
@@ -136,6 +140,8 @@ def _find_side(guard, x_before, x, c, t, m, distance, u, v):
     if how == CROSSED:
         _put(guard.side[c], t, came_from)
         guard.crossed[c, t] = True
+    elif how == FOUND_IN and known and not guard.outside[c, t]:
+        guard.crossed[c, t] = True
     elif how == FOUND_IN and distance == 0.0:
         r = 1.0 / np.sqrt(max(dot(n, n), 1e-30))
         _put(guard.side[c], t, (-r * n[0], -r * n[1], -r * n[2]))
@@ -146,25 +152,32 @@ def _find_side(guard, x_before, x, c, t, m, distance, u, v):
 
 
 @lean_kernel(inner=True)
+def _can_move(guard, q):
+    return q < guard.kept.size and guard.moved[q] < _BUDGET
+
+
+@lean_kernel(inner=True)
 def _move(guard, contacts, x, c, t, m, way, g, h, whole):
     """Moves triangle t by `way` along m: all of it, or by weights g and h of its last corners.
 
     Returns:
         Whether any of it can move.
     """
-    free = guard.kept.size
     f = 1.0 - g - h
     if whole:
         f = g = h = 1.0
     i, j, k = guard.triangles[t, 0], guard.triangles[t, 1], guard.triangles[t, 2]
-    f, g, h = f if i < free else 0.0, g if j < free else 0.0, h if k < free else 0.0
+    f = f if _can_move(guard, i) else 0.0
+    g = g if _can_move(guard, j) else 0.0
+    h = h if _can_move(guard, k) else 0.0
     total = max(f, max(g, h)) if whole else f * f + g * g + h * h
     if not total > 1e-6:
         return False
     way = min(way, _FARTHEST) / total
     for n in range(3):
         q = guard.triangles[t, n]
-        own = way * (f if n == 0 else (g if n == 1 else h))
+        # Where the other corners are pinned, one of little weight would have to go metres.
+        own = min(way * (f if n == 0 else (g if n == 1 else h)), _FARTHEST)
         if not own > 0.0:
             continue
         for axis in range(3):
@@ -173,6 +186,7 @@ def _move(guard, contacts, x, c, t, m, way, g, h, whole):
         contacts.shape[q] = guard.shape[c]
         contacts.depth[q] = own
         guard.kept[q] = c
+        guard.moved[q] += own
     return True
 
 

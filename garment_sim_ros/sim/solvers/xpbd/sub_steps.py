@@ -173,6 +173,17 @@ def solve(own, elastic, frames, planes, rule, first, last, searches):
             touch_planes(own.x[:free], own.v[:free], own.x_start[:free], planes, rule.friction, dt)
 
 
+@kernel(inner=True)
+def _leave_to_guard(shape, kept):
+    """What the guard holds is where the edges want it before the guard looks at it again.
+
+    Otherwise it would go on from search to search, as far as the core goes.
+    """
+    for q in range(kept.size):
+        if kept[q] >= 0:
+            shape[q] = -1
+
+
 @kernel()
 def meet(own, bodies, planes, rule, has_planes):
     """A search for contacts at the end of a sub-step, and contact; `guard` and `stop` follow.
@@ -191,6 +202,7 @@ def meet(own, bodies, planes, rule, has_planes):
     free, dt = rule.free, rule.dt
     x, v, x_start = own.x[:free], own.v[:free], own.x_start[:free]
     if has_planes:
+        _leave_to_guard(planes.shape, bodies.guard.kept)
         return_to_planes(x, v, x_start, planes, bodies.way.inner_radius, rule.grip, dt)
     sweep(
         bodies.shapes,
