@@ -85,12 +85,11 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             raise ParameterError("body", "found nothing", "allowed: the wearer's file")
         outfit = p.outfit or DEFAULT_OUTFIT
         file = read_outfit(outfit)
-        compiler = Compiler(p.solver)
+        compiler = Compiler(p.solver, garment_publishers.warm_up)
         with reporting(self.get_logger().info, "compile, or load what is compiled") as tell:
             check_wind(self._environment.values)
             # The description may tell of other colliders than the outfit asks for.
             compiler.expect(expected_scene(file), self._forces(), tell)
-            garment_publishers.warm_up()
         # Last: by now `collider_node` may have left it in the cache.
         with reporting(self.get_logger().info, f"load the body {p.body}"):
             body = load_body(p.body, bone_names=p.body_bone_names)

@@ -21,10 +21,12 @@ class Compiler:
 
     Args:
         solver: Name of the solver.
+        also: Functions whose kernels are compiled, too.
     """
 
-    def __init__(self, solver: str) -> None:
+    def __init__(self, solver: str, *also: Callable[[], None]) -> None:
         self._solver = solver
+        self._also = also
         self._scene = Scene()
         self._compiled: set[tuple[Scene, tuple[Any, ...]]] = set()
         self._lock = threading.Lock()
@@ -50,8 +52,10 @@ class Compiler:
             self._scene = scene
             key = (scene, _choice(parameters))
             if key not in self._compiled:
-                compile_ahead(scene, self._solver, parameters, tell)
+                compile_ahead(scene, self._solver, parameters, tell, also=self._also)
                 warm_up(scene, self._solver, parameters)
+                for function in self._also:
+                    function()
                 self._compiled.add(key)
 
     def expect(self, scene: Scene, parameters: Parameters, tell: Callable[[str], object]) -> None:
@@ -82,18 +86,23 @@ class Compiler:
 
 
 def expected_scene(file: OutfitFile) -> Scene:
-    """What an outfit tells of its scene before there are a body and colliders."""
+    """What an outfit tells of its scene before there are a body and colliders.
+
+    It is what the scene comes to be on a body of common shape: then nothing is left to compile.
+    """
     return Scene(
         kinds=_kinds(file.colliders),
         garments=frozenset(
             Features(
                 layer=entry.layer,
-                max_distance=entry.holds.max_distance is not None,
+                # Where nothing else is said, what hangs from the shoulders stays near to them.
+                max_distance=entry.holds.max_distance is not None or entry.generator == "tshirt",
                 backstop=entry.holds.backstop is not None,
                 tethers=entry.holds.tethers is not None,
                 soft=bool(np.isfinite(entry.holds.stiffness)),
                 pinned=not np.isfinite(entry.holds.stiffness),
                 self_collision=entry.self_collision is not False,
+                passed=True,  # by hands at least
             )
             for entry in file.garments
         ),
@@ -103,7 +112,11 @@ def expected_scene(file: OutfitFile) -> Scene:
 def _kinds(options: ColliderOptions) -> frozenset[str]:
     """Kinds of the colliders that options ask for."""
     kind = options.method.removesuffix("s")
-    return frozenset({kind, REFITTED} if kind == "ellipsoid" and options.refit else {kind})
+    beside = {
+        "ellipsoid": {REFITTED} if options.refit else set(),
+        "hull": {"sphere"} if options.joints != "none" else set(),
+    }
+    return frozenset({kind} | beside.get(kind, set()))
 
 
 def _choice(parameters: Parameters) -> tuple[Any, ...]:

@@ -29,7 +29,12 @@ _wanted: list[tuple[Any, tuple[Any, ...]]] = []
 
 
 def compile_ahead(
-    scene: Scene, solver: str, parameters: Parameters | None, tell: Callable[[str], object]
+    scene: Scene,
+    solver: str,
+    parameters: Parameters | None,
+    tell: Callable[[str], object],
+    *,
+    also: tuple[Callable[[], None], ...] = (),
 ) -> None:
     """Has a scene's kernels compiled where that has not been done yet; `warm_up` finds them then.
 
@@ -40,11 +45,13 @@ def compile_ahead(
         solver: Name of the solver.
         parameters: Outer forces and settings; defaults where None.
         tell: Takes how far it is, in words.
+        also: Functions of modules, whose kernels are compiled, too.
     """
-    asked = pickle.dumps((scene, solver, parameters))
+    asked = pickle.dumps((scene, solver, parameters, also))
     if jit.cache_folder is None or _cores() < 2:
         return
-    named = repr((sorted(scene.kinds), sorted(scene.garments), solver, parameters))
+    others = [f"{function.__module__}.{function.__qualname__}" for function in also]
+    named = repr((sorted(scene.kinds), sorted(scene.garments), solver, parameters, others))
     done = jit.cache_folder / f"all-{hashlib.sha256(named.encode()).hexdigest()[:16]}"
     if done.exists():
         return
@@ -70,11 +77,17 @@ def compile_ahead(
 
 def main() -> int:
     """Entry point of the process: reads a scene, compiles, prints how far it is."""
-    scene, solver, parameters = pickle.load(sys.stdin.buffer)
+    scene, solver, parameters, also = pickle.load(sys.stdin.buffer)
+
+    def run() -> None:
+        warm_up(scene, solver, parameters)
+        for function in also:
+            function()
+
     # Plain Python is slow, and a few steps call all that there is.
     settle._STEP_LIMIT = 3
     signal.alarm(_LONGEST_SEARCH)
-    _wanted.extend(jit.kernels_of(lambda: warm_up(scene, solver, parameters)))
+    _wanted.extend(jit.kernels_of(run))
     signal.alarm(0)
     # The longest first, so that none is left alone with it in the end.
     order = sorted(range(len(_wanted)), key=lambda i: -_size(_wanted[i][0], set()))
