@@ -251,7 +251,8 @@ def draw(asked: Asked, kept: Frames, joints: list, skinner: Skinner, body, garme
         garment_colours=tuple(garment_colour(n) for n in range(len(garments))),
         floor=float(min(skinner.vertices(joints[kept.number[k]])[:, 2].min() for k in even)),
     )
-    name = "_".join(map(str, asked.key()[:4]))
+    # Bodies and clips may be paths, which would lead out of the folder.
+    name = "_".join(Path(part).name for part in asked.key()[:4])
     for ending in (".obj", ".glb", ".bvh"):
         name = name.replace(ending, "")
     path = Path(asked.pictures) / f"{name}.png"

@@ -190,6 +190,42 @@ def test_a_mesh_made_on_another_body_is_carried_over(data_file, tmp_path, file):
     np.testing.assert_allclose(made.garments[0].vertices, worn.vertices, atol=5e-3)
 
 
+@pytest.mark.parametrize("body", ["CesiumMan.glb", "mannequin"])
+@pytest.mark.parametrize("name", ["tshirt", "skirt_short", "skirt_long", "trousers"])
+def test_a_mesh_keeps_its_shape_on_another_body(data_file, name, body):
+    """Bodies whose rigs put pelvis and spine elsewhere: no part is stretched out of shape."""
+    woman = loaded(data_file("bodies", "mh_female_young.glb"))
+    other = loaded(body if body == "mannequin" else data_file("bodies", body))
+    mesh = load_garment_mesh(data_file("garments", f"{name}_female.obj"))
+    worn = carried_over(mesh, woman, other)
+    here, there = Measures(woman), Measures(other)
+    # As high on the body, between crotch and shoulders.
+    for end in (np.min, np.max):
+        was, now = (
+            (end(x[:, 2]) - m.crotch) / (m.shoulders - m.crotch)
+            for x, m in ((mesh.vertices, here), (worn.vertices, there))
+        )
+        assert abs(was - now) < 0.1
+    # Edges change as the bodies' sizes do: by 0.8 to 1.1 times, and some more where arms begin.
+    ends = mesh.triangles[:, [0, 1, 2]], mesh.triangles[:, [1, 2, 0]]
+    long, was = (
+        np.linalg.norm(x[ends[0]] - x[ends[1]], axis=-1) for x in (worn.vertices, mesh.vertices)
+    )
+    low, middle, high = np.percentile(long / was, [1.0, 50.0, 99.0])
+    assert 0.8 < middle < 1.15
+    assert low > 0.4 * middle
+    assert high < 2.0 * middle
+    # Around the body, not between its legs: skin below the waist is under cloth.
+    if name != "tshirt":
+        cloth = MeshDistance(worn.vertices, worn.triangles)
+        z = there.vertices[:, 2]
+        seat = (z > there.crotch + 0.01) & (z < worn.vertices[:, 2].max() - 0.1)
+        seat &= there.trunk_share > 0.9
+        assert seat.sum() > 10
+        # What is behind the cloth looks at the inside of its nearest triangle.
+        assert (cloth.signed_distance(there.vertices[seat])[0] > 0.0).mean() < 0.01
+
+
 def test_faults_of_a_real_mesh_are_named(data_file):
     mesh = load_garment_mesh(
         data_file("garments", "source", "female_elegantsuit01.obj"), unit="dm"
