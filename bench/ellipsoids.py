@@ -23,6 +23,7 @@ from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.body.skinning import skin_vertices
+from garment_sim_ros.collider_params import EllipsoidSettings
 from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import (
     ellipsoid_colliders,
     fit_ellipsoids,
@@ -44,7 +45,6 @@ from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.params import EllipsoidSettings
 from garment_sim_ros.sim.colliders import ColliderState
 
 TABLE_2 = (

@@ -26,6 +26,7 @@ import numpy as np
 from garment_sim_ros.avatar import Avatar
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.collider_params import HullSettings
 from garment_sim_ros.colliders.hulls.hulls import fit_hulls
 from garment_sim_ros.contact.broad_phase import DIAGONAL
 from garment_sim_ros.contact.collide import Contacts, collide
@@ -34,7 +35,6 @@ from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
-from garment_sim_ros.params import HullSettings
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers.relaxation import step as relaxation
 

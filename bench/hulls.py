@@ -23,6 +23,7 @@ from scipy.spatial import ConvexHull
 
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.collider_params import HullSettings
 from garment_sim_ros.colliders.capsules.capsules import fit_capsules
 from garment_sim_ros.colliders.hulls.hull import Hull, clearance, convex_hull, inflate_vertices
 from garment_sim_ros.colliders.hulls.hull_placement import QUADRIC, VOLUME
@@ -42,7 +43,6 @@ from garment_sim_ros.geometry.obb import oriented_box
 from garment_sim_ros.geometry.transforms import invert_transform
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.params import HullSettings
 
 BODIES = (
     "mannequin",

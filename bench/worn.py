@@ -39,6 +39,7 @@ from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.pierced import PiercedMeter, PiercedSoFar
 from garment_sim_ros.garment.colours import garment_colour
 from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.garment.outfit_file import read_outfit
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import ClipSampler
 from garment_sim_ros.params import ClothNodeParameters
@@ -160,9 +161,9 @@ def run(asked: Asked) -> dict:
     retargeter = Retargeter(
         clip.rig, body, T_world_source=clip.T_world_file, reference=clip.source_reference
     )
-    colliders = fit_colliders(body)
     with tempfile.TemporaryDirectory() as folder:
         source = outfit_file(asked.outfit, Path(folder))
+        colliders = fit_colliders(body, read_outfit(source).colliders)
         garments = load_outfit(source, body, colliders=colliders).garments
     poser, skinner = ColliderPoser(colliders, body), Skinner(body.skin)
     speed = 2.0 if asked.variant == "2x" else 1.0

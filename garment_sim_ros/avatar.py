@@ -216,7 +216,8 @@ class Avatar:
                 raise ParameterError(name, f"found {value!r}", "allowed: above 0, finite")
         to_body, sampler = retargeter(clip, self.body), ClipSampler(clip, repeat)
         count = int(np.floor(length * rate + 1e-9)) + 1
-        return (to_body.world_joints(sampler.sample(n / rate)).copy() for n in range(count))
+        times = (n / rate for n in range(count))
+        return (to_body.world_joints(sampler.sample(t), t).copy() for t in times)
 
 
 def _entry(known: Mapping[str, Any], options: Mapping[str, Any]) -> dict[str, Any]:

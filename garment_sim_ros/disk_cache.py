@@ -73,9 +73,10 @@ def cached_arrays(folder: str, key: str, make: Callable[[], Arrays]) -> dict[str
         return arrays
     arrays = dict(make())
     with contextlib.suppress(OSError):
-        data = io.BytesIO()
-        np.savez(data, **arrays)  # type: ignore[arg-type]
-        replace_file(file, data.getvalue())
+        made = io.BytesIO()
+        np.savez(made, **arrays)  # type: ignore[arg-type]
+        data = made.getvalue()
+        replace_file(file, data + hashlib.sha256(data).digest())
         keep_newest(file.parent.glob("*.npz"), _KEPT)
     return arrays
 
@@ -83,11 +84,18 @@ def cached_arrays(folder: str, key: str, make: Callable[[], Arrays]) -> dict[str
 def _stored(file: Path) -> dict[str, NDArray[Any]]:
     """The arrays of an .npz file as `np.savez` writes it, none larger than its bytes in the file.
 
+    A digest follows: the format's own checksums do not see that entries are left out.
+
     Raises:
         Exception: It is missing or damaged.
     """
+    content_and_digest = read_bytes(file)
+    size = len(content_and_digest) - hashlib.sha256().digest_size
+    data, digest = content_and_digest[:size], content_and_digest[size:]
+    if hashlib.sha256(data).digest() != digest:
+        raise ValueError(f"{file} is damaged")
     arrays = {}
-    with zipfile.ZipFile(io.BytesIO(read_bytes(file))) as stored:
+    with zipfile.ZipFile(io.BytesIO(data)) as stored:
         for entry in stored.infolist():
             if entry.compress_type != zipfile.ZIP_STORED:
                 raise ValueError(f"{entry.filename} is compressed")
@@ -96,10 +104,10 @@ def _stored(file: Path) -> dict[str, NDArray[Any]]:
                 raise ValueError(f"{entry.filename} has another version")
             shape, fortran, dtype = npy.read_array_header_1_0(content)
             start = content.tell()
-            data = content.getbuffer()
-            if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(data) - start:
+            body = content.getbuffer()
+            if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(body) - start:
                 raise ValueError(f"{entry.filename} does not fit its header")
-            array = np.frombuffer(data, dtype, offset=start).reshape(
+            array = np.frombuffer(body, dtype, offset=start).reshape(
                 shape, order="F" if fortran else "C"
             )
             arrays[entry.filename.removesuffix(".npy")] = array.copy(order="K")

@@ -10,7 +10,7 @@ joint t and the frames F:
 
 Lengths stay the target's. The midpoint between the hip joints moves as the source's, scaled by the
 ratio of leg lengths, so that a foot on the ground stays on it, but for what the proportions
-differ; where the time is given, `body.feet` mends that.
+differ; where the time is given, `body.feet` mends that, and `body.arms` arms in the trunk.
 
 Joints of a rig with one-degree-of-freedom chains (URDF) are turned freely, not within their axes
 and limits: the last link of a ball joint gets the whole rotation, links between follow their
@@ -31,6 +31,7 @@ from garment_sim_ros.body.anatomy import (
     stands,
     unit,
 )
+from garment_sim_ros.body.arms import Arms
 from garment_sim_ros.body.feet import Feet
 from garment_sim_ros.body.humanoid import humanoid_map
 from garment_sim_ros.body.kinematics import ForwardKinematics, rest_transforms
@@ -74,6 +75,7 @@ class Retargeter:
             blend between their neighbours.
         scale: Target leg length over source leg length.
         feet: What grounds the feet.
+        arms: What keeps arms out of the trunk.
         notes: What was assumed, one sentence each.
 
     Raises:
@@ -133,6 +135,7 @@ class Retargeter:
             ankle_height=ankle_height,
             end_sites=reference.end_sites,
         )
+        self.arms = Arms(target)
         driven = {rest.bones[t] for _, t in pairs}
         driving = {source.bones[s] for s, _ in pairs}
         names = source_rig.joint_names
@@ -150,13 +153,22 @@ class Retargeter:
             if skeleton.at_rest and not stands(skeleton.marks)
         )
 
-    def world_joints(self, q: FloatArray, time: float | None = None) -> FloatArray:
+    def world_joints(
+        self,
+        q: FloatArray,
+        time: float | None = None,
+        *,
+        ground_feet: bool = True,
+        clear_arms: bool = True,
+    ) -> FloatArray:
         """Poses of the target's joints for channel values of the source.
 
         Args:
             q: Source channel values [rad or m], shape [d].
-            time: When that is [s], for feet to be grounded (see `body.feet`), which depends on the
-                calls before; None leaves them where the angles put them.
+            time: When that is [s], for what depends on the calls before; None leaves all joints
+                where the angles put them.
+            ground_feet: Whether feet that stand are put on the ground, see `body.feet`.
+            clear_arms: Whether arms that are in the trunk are turned out of it, see `body.arms`.
 
         Returns:
             `T_world_joint`, shape [n, 4, 4], overwritten by the next call.
@@ -172,9 +184,16 @@ class Retargeter:
             self._hips, self._rest_position, self._rotation, self._contact_joints,
             self._contact_offset, self._contact_height, self._reach, self._T_world_joint,
         )  # fmt: skip
-        if time is not None:
+        if time is not None and ground_feet:
             self.feet.ground(T_source, self._T_world_joint, time)
+        if time is not None and clear_arms:
+            self.arms.clear(self._T_world_joint, time)
         return self._T_world_joint
+
+    def forget(self) -> None:
+        """Begin anew: what comes next has no past."""
+        self.feet.forget()
+        self.arms.forget()
 
     @property
     def root_pose(self) -> FloatArray:

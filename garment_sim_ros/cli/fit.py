@@ -9,6 +9,12 @@ from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.missing_bones import missing_bones_of
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.cli.staging import staged
+from garment_sim_ros.collider_params import (
+    METHOD_ALIASES,
+    EllipsoidSettings,
+    HullSettings,
+    SdfSettings,
+)
 from garment_sim_ros.colliders.description import save_colliders
 from garment_sim_ros.colliders.fitting import METHODS, fitted
 from garment_sim_ros.colliders.report.fit_report import fit_report
@@ -17,16 +23,7 @@ from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.declaration import Declaration
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.params import (
-    METHOD_ALIASES,
-    ColliderOptions,
-    EllipsoidSettings,
-    HullSettings,
-    SdfSettings,
-    declarations,
-    idle,
-    validated,
-)
+from garment_sim_ros.params import ColliderOptions, declarations, idle, validated
 from garment_sim_ros.recording.fit_pictures import draw_fit, draw_regions
 
 EXAMPLE = "garment-sim fit avatar.glb --out colliders.json --preview colliders.png"

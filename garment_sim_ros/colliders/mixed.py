@@ -18,6 +18,7 @@ from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.collider_params import EllipsoidSettings, HullSettings
 from garment_sim_ros.colliders.capsules.capsules import fit_capsules
 from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import ellipsoid_colliders
 from garment_sim_ros.colliders.ellipsoids.ellipsoids import PARTS, ellipsoids_around, segment_body
@@ -27,7 +28,6 @@ from garment_sim_ros.colliders.regions import bone_weights, vertex_areas
 from garment_sim_ros.colliders.report.fatness import Union
 from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.params import EllipsoidSettings, HullSettings
 
 QUERY_NS = {"sphere": 5.0, "capsule": 12.0, "hull": 27.0, "ellipsoid": 97.0}
 """What one query near a shape takes [ns], measured by ``bench/query_cost.py``; only their ratios

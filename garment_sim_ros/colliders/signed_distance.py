@@ -15,6 +15,7 @@ from scipy.ndimage import label
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.collider_params import SdfSettings
 from garment_sim_ros.colliders.capsules.capsules import frame_colliders
 from garment_sim_ros.colliders.hulls.convex_parts import closed, split, weld
 from garment_sim_ros.colliders.joint_shapes import (
@@ -34,7 +35,7 @@ from garment_sim_ros.geometry.closest_sweep import grid_distances
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.obb import Box, oriented_box
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
-from garment_sim_ros.params import SdfSettings, declarations, validated
+from garment_sim_ros.params import declarations, validated
 
 _MOST_NODES = 2**20
 """Samples of one grid; of a larger one the voxels grow."""

@@ -68,9 +68,9 @@ class Replay:
         return transform_from(position, orientation)
 
     def _posed(self, k: int) -> FloatArray:
-        """The body's joints at a message, its feet grounded as `collider_node` does by default.
+        """The body's joints at a message, feet and arms as `collider_node` has them by default.
 
-        A recording does not tell whether its feet were. From its beginning on, for feet stay
+        A recording does not tell whether they were. From its beginning on, for feet stay
         where they were put down.
         """
         if k not in self._kept:
@@ -78,7 +78,7 @@ class Replay:
             if begin > k:
                 begin = 0
                 self._kept.clear()
-                self._retargeter.feet.forget()
+                self._retargeter.forget()
             for i in range(begin, k + 1):
                 T = self._retargeter.world_joints(self._values[i], 1e-9 * int(self._stamp[i]))
                 self._kept = {j: kept for j, kept in self._kept.items() if j == i - 1}

@@ -3,6 +3,7 @@
 import dataclasses
 import sys
 from collections.abc import Callable
+from functools import partial
 from threading import Thread
 
 import numpy as np
@@ -76,10 +77,10 @@ class _Skeleton:
     rig: Rig
     avatar: _Avatar
     is_new: bool  # the avatar
-    world_joints: Callable[[FloatArray, float | None], FloatArray]
+    world_joints: Callable[[FloatArray, float], FloatArray]
 
 
-def _unposed(q: FloatArray, time: float | None) -> FloatArray:
+def _unposed(q: FloatArray, time: float) -> FloatArray:
     """Before there is a skeleton there is nothing to pose."""
     raise AssertionError
 
@@ -92,7 +93,7 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         self._still_reading: Thread | None = None
         self._avatar: _Avatar | None = None
         self._channels: JointChannels | None = None
-        self._world_joints: Callable[[FloatArray, float | None], FloatArray] = _unposed
+        self._world_joints: Callable[[FloatArray, float], FloatArray] = _unposed
         self._sent = 0
 
     def prepare(self) -> None:
@@ -242,13 +243,17 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
             ):
                 if bones:
                     self.get_logger().info(f"not mapped in {what}: {', '.join(bones)}")
-            posed: Callable[[FloatArray, float | None], FloatArray] = retargeter.world_joints
+            posed: Callable[[FloatArray, float], FloatArray] = partial(
+                retargeter.world_joints,
+                ground_feet=self.parameters.ground_feet,
+                clear_arms=self.parameters.clear_arms,
+            )
         else:
             with reporting(self.get_logger().info, "fit colliders to the body"):
                 avatar = self._wear(body_from_urdf(text, humanoid_overrides=self._body_bone_names))
             from_dofs = ForwardKinematics(rig).from_dofs
 
-            def alone(q: FloatArray, time: float | None) -> FloatArray:
+            def alone(q: FloatArray, time: float) -> FloatArray:
                 return from_dofs(q)
 
             posed = alone
@@ -293,8 +298,7 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         assert self._avatar is not None
         assert self._channels is not None
         avatar = self._avatar
-        time = stamp / SECOND if self.parameters.ground_feet else None
-        T_world_joint = self._world_joints(self._channels.values, time)
+        T_world_joint = self._world_joints(self._channels.values, stamp / SECOND)
         poses = avatar.poser.poses(T_world_joint, avatar.poses)
         if not np.abs(poses.position).max(initial=0.0) <= LARGEST:
             raise MessageError(OUT_OF_RANGE, f"poses of colliders beyond {LARGEST:g} m")

@@ -16,9 +16,9 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from garment_sim_ros.declaration import nearest
+from garment_sim_ros.declaration import Declaration, nearest
 from garment_sim_ros.errors import ParameterError
-from garment_sim_ros.params import Declaration, checked, declarations
+from garment_sim_ros.params import checked, declarations
 
 Group = TypeVar("Group")
 

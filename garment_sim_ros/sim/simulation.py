@@ -11,12 +11,7 @@ from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.errors import GeometryError, MessageError, ParameterError
 from garment_sim_ros.geometry.topology import vertex_normals
-from garment_sim_ros.params import (
-    Environment,
-    ImplicitSettings,
-    RelaxationSettings,
-    XpbdSettings,
-)
+from garment_sim_ros.params import Environment, ImplicitSettings, RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.arguments import OutfitLike, check_preset, garments_of, parameters_of
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.garment_view import GarmentView

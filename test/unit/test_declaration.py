@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from garment_sim_ros import params
+from garment_sim_ros import collider_params, params
 from garment_sim_ros.declaration import in_yaml, nearest
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.params import checked, declarations, idle, validated
@@ -110,7 +110,7 @@ def test_defaults_are_allowed_and_do_something_or_are_not_told(group):
     assert idle(values) == []
 
 
-@pytest.mark.parametrize("method", params.METHODS)
+@pytest.mark.parametrize("method", collider_params.METHODS)
 def test_methods_have_one_spelling_and_take_another(method):
     options = validated(params.ColliderOptions, {"method": method.removesuffix("s")})
     assert options.method == method
@@ -129,7 +129,7 @@ def test_what_does_nothing_is_told_with_what_would_make_it_act():
     (told,) = idle(params.ColliderOptions(method="mesh", voxel=0.02))
     assert told.endswith("it acts with method sdf")
     # A group without `method` is one that was chosen by it.
-    assert idle(params.HullSettings(max_faces=40)) == []
+    assert idle(collider_params.HullSettings(max_faces=40)) == []
 
 
 def test_a_misspelt_name_is_told_the_nearest():

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.collider_params import EllipsoidSettings
 from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import fit_ellipsoids
 from garment_sim_ros.colliders.ellipsoids.ellipsoids import ellipsoids_around
 from garment_sim_ros.colliders.ellipsoids.pruned_kmeans import FEWEST, Clustering, reassign, refine
 from garment_sim_ros.colliders.ellipsoids.thresholds import REGIONS, TORSO
 from garment_sim_ros.errors import ParameterError
-from garment_sim_ros.params import EllipsoidSettings
 
 
 @pytest.fixture(scope="module")

@@ -180,7 +180,11 @@ def test_the_default_mannequins_hulls_come_with_the_package():
         if one.kind == "hull":
             points = [np.asarray(c.geometry["vertices"]) for c in (one, other)]
             extents = [(x @ directions.T).max(axis=0) for x in points]
-            np.testing.assert_allclose(*extents, atol=1e-3, err_msg=one.name)
+            # A simplified hull may be any between the skin and `reach` times `delta` outside:
+            # where two triangles are equally good another processor takes the other one.
+            apart = np.abs(extents[0] - extents[1])
+            assert np.percentile(apart, 95.0) < 1e-3, one.name
+            assert apart.max() < ColliderOptions().delta, one.name
 
 
 def test_another_body_or_option_has_other_hulls():

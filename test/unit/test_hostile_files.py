@@ -1,5 +1,6 @@
 """Small files made to take hours or all memory, and those that readers once fell over."""
 
+import hashlib
 import json
 import re
 import resource
@@ -507,6 +508,24 @@ def test_metadata_that_names_other_files(tmp_path, name):
     refused(load_clip, _folder(tmp_path, metadata))
 
 
+def signed(file):
+    """A forged file with the digest that it should have."""
+    file.write_bytes(file.read_bytes() + hashlib.sha256(file.read_bytes()).digest())
+
+
+def test_cached_arrays_of_which_some_are_left_out(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    wanted = {"x": np.arange(20.0), "y": np.ones(3)}
+    disk_cache.cached_arrays("f", "key", lambda: wanted)
+    (file,) = tmp_path.rglob("*.npz")
+    data = bytearray(file.read_bytes())
+    end = data.rindex(b"PK\5\6")
+    for count in (0, 1):
+        data[end + 8 : end + 12] = struct.pack("<HH", count, count)
+        file.write_bytes(data)
+        assert disk_cache.cached_arrays("f", "key", lambda: wanted).keys() == wanted.keys()
+
+
 @pytest.mark.parametrize("shape", ["(100000000000,)", "(3, 99999999999999999999)", "(-1,)", "()"])
 def test_cached_arrays_with_a_forged_header(tmp_path, monkeypatch, shape):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -517,6 +536,7 @@ def test_cached_arrays_with_a_forged_header(tmp_path, monkeypatch, shape):
     forged = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head.encode() + bytes(160)
     with zipfile.ZipFile(file, "w") as stored:
         stored.writestr("x.npy", forged)
+    signed(file)
     found = disk_cache.cached_arrays("f", "key", lambda: wanted)
     np.testing.assert_array_equal(found["x"], wanted["x"])
 
@@ -528,6 +548,7 @@ def test_cached_arrays_that_are_packed(tmp_path, monkeypatch):
     (file,) = tmp_path.rglob("*.npz")
     # Nothing packed is taken, whatever it holds: here it would be read and is another array.
     np.savez_compressed(file, x=np.zeros(20))
+    signed(file)
     found = disk_cache.cached_arrays("f", "key", lambda: wanted)
     np.testing.assert_array_equal(found["x"], wanted["x"])
 

@@ -11,6 +11,7 @@ from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.rig import Dofs, Rig
 from garment_sim_ros.body.skin import Body, Skin
 from garment_sim_ros.body.skinning import skin_vertices
+from garment_sim_ros.collider_params import HullSettings
 from garment_sim_ros.colliders.description import from_json, to_json
 from garment_sim_ros.colliders.hulls.hull import Hull
 from garment_sim_ros.colliders.hulls.hull_report import hull_report
@@ -19,7 +20,6 @@ from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.regions import region_surface, skin_regions, vertex_areas
 from garment_sim_ros.errors import GeometryError, ParameterError
 from garment_sim_ros.geometry.transforms import invert_transform, matrix_from_quaternion
-from garment_sim_ros.params import HullSettings
 
 
 def union_height(colliders, poses, points):

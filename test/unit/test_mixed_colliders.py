@@ -8,11 +8,11 @@ import trimesh
 
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.cli import main as cli
+from garment_sim_ros.collider_params import HullSettings
 from garment_sim_ros.colliders import mixed
 from garment_sim_ros.colliders.description import load_colliders
 from garment_sim_ros.colliders.ellipsoids.ellipsoids import PARTS
 from garment_sim_ros.colliders.report.fit_report import skin_distance
-from garment_sim_ros.params import HullSettings
 
 BODY = "mannequin:vertices=1500"
 

@@ -7,11 +7,12 @@ import pytest
 
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.major_bones import major_bones
+from garment_sim_ros.collider_params import EllipsoidSettings
 from garment_sim_ros.colliders.description import from_json, to_json
 from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import fit_ellipsoids
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
-from garment_sim_ros.params import ColliderOptions, EllipsoidSettings
+from garment_sim_ros.params import ColliderOptions
 from garment_sim_ros.sim.world.root_motion import TakenOut
 from garment_sim_ros.sim.world.teleport import has_jumped
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.collider_params import SdfSettings
 from garment_sim_ros.colliders.description import from_json, to_json
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.report.fit_report import skin_distance
@@ -18,7 +19,7 @@ from garment_sim_ros.errors import GeometryError, MessageError, ParameterError
 from garment_sim_ros.geometry.closest_sweep import grid_distances
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import invert_transform
-from garment_sim_ros.params import ColliderOptions, SdfSettings
+from garment_sim_ros.params import ColliderOptions
 
 COARSE = SdfSettings(voxel=0.02)
 """An eighth of the samples."""

@@ -7,6 +7,7 @@ import pytest
 
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.collider_params import EllipsoidSettings
 from garment_sim_ros.colliders.description import from_json, to_json
 from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import fit_ellipsoids
 from garment_sim_ros.colliders.posing import ColliderPoser
@@ -18,7 +19,6 @@ from garment_sim_ros.geometry.mvee import mvee
 from garment_sim_ros.geometry.transforms import transform_from, transform_points
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.params import EllipsoidSettings
 from garment_sim_ros.sim.colliders import ColliderState
 
 

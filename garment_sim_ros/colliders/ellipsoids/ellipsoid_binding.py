@@ -15,6 +15,7 @@ from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.major_bones import MajorBones, major_bones
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.collider_params import EllipsoidSettings
 from garment_sim_ros.colliders.capsules.capsules import frame_colliders
 from garment_sim_ros.colliders.ellipsoids.ellipsoids import EllipsoidFit, ellipsoids_around
 from garment_sim_ros.colliders.range_of_motion import joint_rotations
@@ -23,7 +24,6 @@ from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.mvee import mvee
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
-from garment_sim_ros.params import EllipsoidSettings
 
 _ALSO = ("leftToes", "rightToes")
 """Bones that are not major but bend far from the one above."""

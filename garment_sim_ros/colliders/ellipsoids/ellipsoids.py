@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.collider_params import EllipsoidSettings
 from garment_sim_ros.colliders.ellipsoids.pruned_kmeans import Clustering, refine
 from garment_sim_ros.colliders.ellipsoids.skin_points import SkinPoints, border_points
 from garment_sim_ros.colliders.ellipsoids.thresholds import REGIONS, TORSO, region_thresholds
@@ -23,7 +24,7 @@ from garment_sim_ros.colliders.segmentation.segmentation import (
 )
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.mvee import Ellipsoid, mvee
-from garment_sim_ros.params import EllipsoidSettings, declarations, validated
+from garment_sim_ros.params import declarations, validated
 
 PARTS = ("torso", *REGIONS[:9])
 """Parts of a body that are refined one by one: the torso's six regions together."""

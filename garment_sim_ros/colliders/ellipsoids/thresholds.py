@@ -1,7 +1,7 @@
 """The regions of a human surface by name, and how closely ellipsoids are to fit each."""
 
+from garment_sim_ros.collider_params import EllipsoidSettings
 from garment_sim_ros.errors import ParameterError
-from garment_sim_ros.params import EllipsoidSettings
 
 SIDES = ("left", "right")
 REGIONS: tuple[str, ...] = (

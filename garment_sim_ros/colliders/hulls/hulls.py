@@ -16,6 +16,7 @@ import numpy as np
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.collider_params import HullSettings
 from garment_sim_ros.colliders.capsules.capsules import frame_colliders
 from garment_sim_ros.colliders.hulls.convex_parts import convex_parts
 from garment_sim_ros.colliders.hulls.hull import (
@@ -46,7 +47,7 @@ from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.obb import oriented_box
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
-from garment_sim_ros.params import HullSettings, declarations, validated
+from garment_sim_ros.params import declarations, validated
 
 _T = TypeVar("_T")
 _S = TypeVar("_S")

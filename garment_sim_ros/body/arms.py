@@ -1,0 +1,264 @@
+"""Arms out of the trunk: what a source's arms do beside its hips, other bodies do inside theirs.
+
+Trunk and thighs are polytopes, the support of their skin in sampled directions; lower arm and hand
+are spheres along their bones. Where one of these is nearer to a polytope than `_GAP`, the whole
+arm is turned about the shoulder, away from the axes of what it is in, by the smallest angle that
+clears it; what is clear stays as it is. Where poses have times this turn changes at `_RATE` at
+most, so that arms do not twitch where the way out changes from one side to another.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from garment_sim_ros.arrays import FloatArray, IntArray
+from garment_sim_ros.body.anatomy import SIDES
+from garment_sim_ros.body.kinematics import rest_transforms
+from garment_sim_ros.body.major_bones import major_bones
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.geometry.transforms import matrix_from_quaternion
+
+_TRUNK = ("hips", "spine", "chest", "upperChest", "leftUpperLeg", "rightUpperLeg")
+_DIRECTIONS = 128
+_PERSON = 1.65
+"""Height of a person that lengths here are for [m]."""
+_GAP = 0.01
+"""Room for cloth between arm and trunk [m]."""
+_NEAR = 0.03
+"""Distance from which on a part has a say in the way out [m]."""
+_ANGLES = np.radians(np.arange(0.0, 41.0, 2.0))
+_RATE = 4.0
+"""How fast the turn changes [rad/s]; arms of people reach over 10."""
+_LONGEST = 0.25
+"""Poses farther apart than this [s] have nothing to do with each other."""
+_ALONG_ARM = (0.0, 0.35, 0.7, 1.0)
+_ALONG_HAND = (0.5, 1.0)
+_LEAST_SKIN = 4
+"""Vertices that a part has at least."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A part of the trunk.
+
+    Attributes:
+        joint: Its joint.
+        axis: Its ends in the joint's frame [m], shape [2, 3].
+        support: Of its skin in `_NORMALS` of that frame [m], shape [_DIRECTIONS].
+    """
+
+    joint: int
+    axis: FloatArray
+    support: FloatArray
+
+
+@dataclass(frozen=True)
+class _Arm:
+    """An arm.
+
+    Attributes:
+        joint: The upper arm's joint, about which it turns.
+        opposite: That of the other arm.
+        below: That one and all that hang on it, shape [k].
+        mover: Joint that moves each sphere, shape [m].
+        centre: Of the spheres in their joints' frames [m], shape [m, 3].
+        radius: Their radii [m], shape [m].
+    """
+
+    joint: int
+    opposite: int
+    below: IntArray
+    mover: IntArray
+    centre: FloatArray
+    radius: FloatArray
+
+
+def _sphere_of_directions() -> FloatArray:
+    """Unit vectors spread evenly, shape [_DIRECTIONS, 3]."""
+    i = np.arange(_DIRECTIONS) + 0.5
+    z = 1.0 - 2.0 * i / _DIRECTIONS
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * i
+    r = np.sqrt(1.0 - z * z)
+    return np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)
+
+
+_NORMALS = _sphere_of_directions()
+
+
+class Arms:
+    """Keeps the arms of one body out of its trunk.
+
+    Args:
+        body: Rig and skin; without a trunk or arms that have skin nothing is done.
+
+    Attributes:
+        turn: Rotation vectors by which the left and the right arm were turned last [rad], shape
+            [2, 3].
+    """
+
+    def __init__(self, body: Body) -> None:
+        T = rest_transforms(body.rig)
+        scale = max(float(np.ptp(body.skin.vertices[:, 2])), 1e-6) / _PERSON
+        self._gap, self._near = scale * _GAP, scale * _NEAR
+        skins = _skin_of_bones(body)
+        trunk = [bone for bone in _TRUNK if len(skins.get(bone, ())) >= _LEAST_SKIN]
+        self._parts = tuple(_part(body, T, bone, skins[bone]) for bone in trunk)
+        self._arms = tuple(_arm(body, T, side, skins) for side in SIDES)
+        self.turn = np.zeros((2, 3))
+        self._time: float | None = None
+
+    def forget(self) -> None:
+        """Begin anew: what comes next has no past."""
+        self._time = None
+
+    def clear(self, T_world_joint: FloatArray, time: float) -> None:
+        """Turn arms that are in the trunk out of it.
+
+        Args:
+            T_world_joint: Poses of the joints, changed in place, shape [n, 4, 4].
+            time: When that is [s].
+        """
+        most = np.inf
+        if self._time is not None and 0.0 <= time - self._time < _LONGEST:
+            most = _RATE * (time - self._time)
+        self._time = time
+        for side, arm in enumerate(self._arms):
+            if arm is None or not self._parts:
+                continue
+            T = T_world_joint[arm.mover]
+            centre = np.einsum("mij,mj->mi", T[:, :3, :3], arm.centre) + T[:, :3, 3]
+            shoulder = T_world_joint[arm.joint, :3, 3].copy()
+            own_side = shoulder - T_world_joint[arm.opposite, :3, 3]
+            own_side /= max(float(np.linalg.norm(own_side)), 1e-9)
+            way = self._way_out(centre - shoulder, shoulder, own_side, arm.radius, T_world_joint)
+            change = way - self.turn[side]
+            length = float(np.linalg.norm(change))
+            self.turn[side] = way if length <= most else self.turn[side] + change * (most / length)
+            angle = float(np.linalg.norm(self.turn[side]))
+            if angle > 0.0:
+                half = self.turn[side] * (np.sin(0.5 * angle) / angle)
+                R = matrix_from_quaternion(np.append(half, np.cos(0.5 * angle)))
+                below = T_world_joint[arm.below]
+                below[:, :3, 3] = (below[:, :3, 3] - shoulder) @ R.T + shoulder
+                below[:, :3, :3] = R @ below[:, :3, :3]
+                T_world_joint[arm.below] = below
+
+    def _way_out(
+        self,
+        centre: FloatArray,
+        shoulder: FloatArray,
+        own_side: FloatArray,
+        radius: FloatArray,
+        T: FloatArray,
+    ) -> FloatArray:
+        """Rotation vector by which an arm with such spheres [m, 3] gets out [rad], shape [3]."""
+        gaps = self._gaps(centre[None], shoulder, radius, T)[:, 0]
+        if gaps.min() >= self._gap:
+            return np.zeros(3)
+        say = np.maximum(self._near - gaps, 0.0)
+        out = np.stack([_from_axis(shoulder + centre, part, T) for part in self._parts])
+        # Not to the other side, through the trunk or between the legs.
+        out -= np.minimum(out @ own_side, 0.0)[..., None] * own_side
+        torque = (say[..., None] * np.cross(centre, out)).sum(axis=(0, 1))
+        length = float(np.linalg.norm(torque))
+        if length < 1e-9:
+            return np.zeros(3)
+        axis = torque / length
+        across = np.cross(axis, centre)
+        along = (centre @ axis)[:, None] * axis
+        cosine, sine = np.cos(_ANGLES)[:, None, None], np.sin(_ANGLES)[:, None, None]
+        turned = along + cosine * (centre - along) + sine * across
+        least = self._gaps(turned, shoulder, radius, T).min(axis=(0, 2))
+        clear = np.flatnonzero(least >= self._gap)
+        if not clear.size:
+            return np.asarray(_ANGLES[np.argmax(least)] * axis)
+        k = int(clear[0])
+        low, high = least[k - 1], least[k]
+        share = (self._gap - low) / max(float(high - low), 1e-12)
+        return np.asarray((_ANGLES[k - 1] + share * (_ANGLES[k] - _ANGLES[k - 1])) * axis)
+
+    def _gaps(
+        self, centre: FloatArray, shoulder: FloatArray, radius: FloatArray, T: FloatArray
+    ) -> FloatArray:
+        """Distances of spheres [a, m] at `shoulder + centre` from the parts, [p, a, m]."""
+        world = (shoulder + centre).reshape(-1, 3)
+        gaps = [
+            (
+                ((world - T[part.joint, :3, 3]) @ T[part.joint, :3, :3]) @ _NORMALS.T
+                - part.support
+            ).max(axis=1)
+            for part in self._parts
+        ]
+        return np.reshape(gaps, (len(gaps), *centre.shape[:2])) - radius
+
+
+def _from_axis(x: FloatArray, part: _Part, T: FloatArray) -> FloatArray:
+    """Unit vectors from a part's axis to points [m, 3]; zero on it."""
+    start, end = part.axis @ T[part.joint, :3, :3].T + T[part.joint, :3, 3]
+    along = end - start
+    share = np.clip((x - start) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
+    away = x - start - share[:, None] * along
+    return away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
+
+
+def _skin_of_bones(body: Body) -> dict[str, FloatArray]:
+    """Skin that each major bone moves most, with all small ones on it, by humanoid name [m]."""
+    bones = major_bones(body)
+    skin = body.skin
+    main = skin.bone[np.arange(len(skin.vertices)), skin.weight.argmax(axis=1)]
+    owner = bones.owner[main]
+    names = {joint: bone for bone, joint in body.humanoid.items()}
+    return {
+        names[joint]: np.asarray(skin.vertices[owner == k], np.float64)
+        for k, joint in enumerate(bones.names)
+        if joint in names
+    }
+
+
+def _part(body: Body, T: FloatArray, bone: str, skin: FloatArray) -> _Part:
+    """A part of the trunk."""
+    joint = body.rig.index(body.humanoid[bone])
+    x = (skin - T[joint, :3, 3]) @ T[joint, :3, :3]
+    up = 0.5 * np.ptp(skin[:, 2]) * T[joint, 2, :3]
+    axis = x.mean(axis=0) + np.stack([-up, up])
+    return _Part(joint, axis, (x @ _NORMALS.T).max(axis=0))
+
+
+def _arm(body: Body, T: FloatArray, side: str, skins: dict[str, FloatArray]) -> _Arm | None:
+    """An arm; None without joints or skin."""
+    bones = [f"{side}{name}" for name in ("UpperArm", "LowerArm", "Hand")]
+    other = "rightUpperArm" if side == "left" else "leftUpperArm"
+    if not all(bone in body.humanoid for bone in (*bones, other)):
+        return None
+    upper, lower, hand = (body.rig.index(body.humanoid[bone]) for bone in bones)
+    fore, palm = (skins.get(bone, np.zeros((0, 3))) for bone in bones[1:])
+    if len(fore) < _LEAST_SKIN:
+        return None
+    elbow, wrist = T[lower, :3, 3], T[hand, :3, 3]
+    radius = _thickness(fore, elbow, wrist)
+    spheres = [(lower, elbow + s * (wrist - elbow), radius) for s in _ALONG_ARM]
+    if len(palm) >= _LEAST_SKIN:
+        tip = palm[np.argmax(np.linalg.norm(palm - wrist, axis=1))]
+        # Hands are flat, and lie flat on what they touch.
+        radius = 0.5 * _thickness(palm, wrist, tip)
+        spheres += [(hand, wrist + s * (tip - wrist), radius) for s in _ALONG_HAND]
+    below = np.zeros(len(body.rig), bool)
+    below[upper] = True
+    for j, parent in enumerate(body.rig.parent):
+        below[j] |= parent >= 0 and below[parent]
+    return _Arm(
+        joint=upper,
+        opposite=body.rig.index(body.humanoid[other]),
+        below=np.flatnonzero(below).astype(np.int32),
+        mover=np.array([j for j, _, _ in spheres], np.int32),
+        centre=np.array([T[j, :3, :3].T @ (x - T[j, :3, 3]) for j, x, _ in spheres]),
+        radius=np.array([r for _, _, r in spheres]),
+    )
+
+
+def _thickness(skin: FloatArray, start: FloatArray, end: FloatArray) -> float:
+    """Median distance of skin from the line between two points [m]."""
+    along = end - start
+    along /= max(float(np.linalg.norm(along)), 1e-9)
+    x = skin - start
+    return float(np.median(np.linalg.norm(x - (x @ along)[:, None] * along, axis=1)))

@@ -1,0 +1,169 @@
+"""Parameters of fits: which colliders a body gets."""
+
+import dataclasses
+
+from garment_sim_ros.declaration import needs, parameter
+
+_ON_HULLS = (needs("method", "hulls"),)
+_ON_HULLS_AND_GRIDS = (needs("method", "hulls", "sdf"),)
+_ON_GRIDS = (needs("method", "sdf"),)
+_ON_ELLIPSOIDS = (needs("method", "ellipsoids"),)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class HullSettings:
+    """How to fit hulls; all other methods but the mesh take `delta` of these."""
+
+    delta: float = parameter(
+        0.003,
+        "Inflation of all shapes.",
+        unit="m",
+        minimum=0.0,
+        maximum=0.05,
+        needs=(needs("method", "hulls", "capsules", "ellipsoids", "spheres", "sdf"),),
+    )
+    max_faces: int = parameter(
+        80,
+        "Target number of triangles of a hull. A hull that cannot be reduced so far keeps more.",
+        minimum=4,
+        maximum=100000,
+        needs=_ON_HULLS,
+    )
+    reach: float = parameter(
+        3.0,
+        "Largest distance of a simplified hull outside the planes of the un-inflated hull, in "
+        "deltas.",
+        minimum=1.0,
+        maximum=100.0,
+        needs=_ON_HULLS,
+    )
+    placement: str = parameter(
+        "quadric",
+        "Position of the vertices of a simplified hull. quadric: near the inflated hull; volume: "
+        "least volume within reach.",
+        choices=("quadric", "volume"),
+        needs=_ON_HULLS,
+    )
+    inflation: str = parameter(
+        "vertices",
+        "Inflation by delta. vertices: moves the vertices, as in the paper; planes: moves the "
+        "faces, by the whole delta.",
+        choices=("vertices", "planes"),
+        needs=_ON_HULLS,
+    )
+    merge: float = parameter(
+        0.0,
+        "Smallest region, as a fraction of the skin; smaller ones join a neighbour.",
+        minimum=0.0,
+        maximum=1.0,
+        needs=_ON_HULLS_AND_GRIDS,
+    )
+    split: float = parameter(
+        0.005,
+        "Least saving for which a region is cut in two, as a fraction of the volume of all hulls; "
+        "1: never.",
+        minimum=1e-4,
+        maximum=1.0,
+        needs=_ON_HULLS,
+    )
+    joints: str = parameter(
+        "auto",
+        "Colliders at joints. auto: spheres inside the skin that turn by half the joint's "
+        "rotation, and hulls where gaps remain; spheres: the paper's, which contain all skin that "
+        "bends; none.",
+        choices=("auto", "spheres", "none"),
+        needs=_ON_HULLS_AND_GRIDS,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SdfSettings:
+    """How to sample signed distances."""
+
+    voxel: float = parameter(
+        0.01,
+        "Grid spacing of a signed distance field.",
+        unit="m",
+        minimum=0.001,
+        maximum=0.1,
+        needs=_ON_GRIDS,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EllipsoidSettings:
+    """How to fit ellipsoids."""
+
+    mu_torso: float = parameter(
+        0.018,
+        "Fit error above which an ellipsoid of the torso is split.",
+        unit="m",
+        minimum=1e-6,
+        maximum=1.0,
+        needs=_ON_ELLIPSOIDS,
+    )
+    mu_limb: float = parameter(
+        0.012,
+        "Fit error above which an ellipsoid of the head, an arm or a leg is split.",
+        unit="m",
+        minimum=1e-6,
+        maximum=1.0,
+        needs=_ON_ELLIPSOIDS,
+    )
+    mu: str = parameter(
+        "",
+        "Fit error above which an ellipsoid of a named region is split: REGION=METRES, separated "
+        "by spaces, e.g. left_thigh=0.03.",
+        needs=_ON_ELLIPSOIDS,
+    )
+    sigma: float = parameter(
+        1e-3,
+        "K-means stops when no centre moves farther than this.",
+        unit="m",
+        minimum=0.0,
+        maximum=1.0,
+        needs=_ON_ELLIPSOIDS,
+    )
+    max_ellipsoids: int = parameter(
+        90,
+        "Largest number of ellipsoids; those with the largest error are split first.",
+        minimum=15,
+        maximum=1000,
+        needs=_ON_ELLIPSOIDS,
+    )
+    segmentation: str = parameter(
+        "auto",
+        "How the body is divided into regions. rig: by the joints of the rig; surface: by the "
+        "surface alone; auto: rig where it has the joints, else surface; table1: by the paper's "
+        "constants; none: one region.",
+        choices=("auto", "rig", "surface", "table1", "none"),
+        needs=_ON_ELLIPSOIDS,
+    )
+    refit: bool = parameter(
+        True, "Fit the ellipsoids at joints again in every pose.", needs=_ON_ELLIPSOIDS
+    )
+
+
+METHODS = ("hulls", "capsules", "ellipsoids", "spheres", "sdf", "mesh")
+"""Kinds of colliders."""
+METHOD_ALIASES = {name.removesuffix("s"): name for name in METHODS if name.endswith("s")}
+"""Other spellings of them."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _ColliderKind:
+    """The first of `ColliderOptions`."""
+
+    method: str = parameter("hulls", "Kind of colliders.", choices=METHODS, aliases=METHOD_ALIASES)
+    thickness: float = parameter(
+        0.002,
+        "Distance kept between cloth and collider surfaces, on top of delta.",
+        unit="m",
+        minimum=0.0,
+        maximum=0.1,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ColliderOptions(SdfSettings, EllipsoidSettings, HullSettings, _ColliderKind):
+    """Which colliders a body gets."""
