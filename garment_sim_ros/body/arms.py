@@ -242,14 +242,10 @@ def _arm(body: Body, T: FloatArray, side: str, skins: dict[str, FloatArray]) -> 
         # Hands are flat, and lie flat on what they touch.
         radius = 0.5 * _thickness(palm, wrist, tip)
         spheres += [(hand, wrist + s * (tip - wrist), radius) for s in _ALONG_HAND]
-    below = np.zeros(len(body.rig), bool)
-    below[upper] = True
-    for j, parent in enumerate(body.rig.parent):
-        below[j] |= parent >= 0 and below[parent]
     return _Arm(
         joint=upper,
         opposite=body.rig.index(body.humanoid[other]),
-        below=np.flatnonzero(below).astype(np.int32),
+        below=np.flatnonzero(body.rig.below(upper)).astype(np.int32),
         mover=np.array([j for j, _, _ in spheres], np.int32),
         centre=np.array([T[j, :3, :3].T @ (x - T[j, :3, 3]) for j, x, _ in spheres]),
         radius=np.array([r for _, _, r in spheres]),

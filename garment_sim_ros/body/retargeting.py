@@ -339,12 +339,8 @@ def _arm_end(
     if lowest is None:
         return None
     joint = skeleton.bones[lowest]
-    below = np.zeros(len(skeleton.rig), bool)
-    below[joint] = True
-    for j, parent in enumerate(skeleton.rig.parent):
-        below[j] |= parent >= 0 and below[parent]
     positions, mover = points
-    moved = positions[(mover >= 0) & below[mover]]
+    moved = positions[(mover >= 0) & skeleton.rig.below(joint)[mover]]
     T = skeleton.T_world_joint[joint]
     if len(moved) == 0:
         return joint, np.zeros(3)

@@ -100,6 +100,14 @@ class Rig:
     def __len__(self) -> int:
         return len(self.joint_names)
 
+    def below(self, *joints: int) -> NDArray[np.bool_]:
+        """Whether each joint is one of these or hangs on one of them, shape [n]."""
+        below = np.zeros(len(self), dtype=bool)
+        below[list(joints)] = True
+        for j, parent in enumerate(self.parent):
+            below[j] |= parent >= 0 and below[parent]
+        return below
+
     def index(self, name: str) -> int:
         """Index of the joint called `name`.
 

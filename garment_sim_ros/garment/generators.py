@@ -42,7 +42,7 @@ class LongSkirtOptions:
 
     vertices: int = parameter(2235, "Number of vertices.", minimum=60, maximum=100_000)
     length: float = parameter(
-        0.85, "Hem between knee (0) and sole (1).", minimum=0.0, maximum=0.95
+        0.95, "Hem between knee (0) and the top of the foot (1).", minimum=0.0, maximum=1.0
     )
     flare: float = parameter(0.15, "Widening per length below the hips.", minimum=0.0, maximum=1.0)
 
@@ -81,7 +81,7 @@ def _short_skirt(measures: Measures, o: ShortSkirtOptions) -> tuple[GarmentMesh,
 
 
 def _long_skirt(measures: Measures, o: LongSkirtOptions) -> tuple[GarmentMesh, Measures]:
-    hem = measures.knee - o.length * (measures.knee - measures.sole)
+    hem = measures.knee - o.length * (measures.knee - measures.instep)
     return skirt(measures, vertices=o.vertices, hem=hem, flare=o.flare), measures
 
 

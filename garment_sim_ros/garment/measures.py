@@ -155,6 +155,14 @@ class Measures:
         return float(self.vertices[:, 2].min())
 
     @cached_property
+    def instep(self) -> float:
+        """Height of the highest skin of the feet [m]; of a twentieth of the body without feet."""
+        feet = [bone for bone in ("leftFoot", "rightFoot") if bone in self.body.humanoid]
+        high = self.vertices[self.share(*feet) > 0.5, 2] if feet else np.zeros(0)
+        usual = self.sole + 0.05 * self.height
+        return float(min(high.max(), self.knee)) if high.size else usual
+
+    @cached_property
     def knee(self) -> float:
         """Height of the knees [m]."""
         return self._mean_height("leftLowerLeg", "rightLowerLeg")
@@ -254,13 +262,8 @@ class Measures:
 
     def _below(self, bones: Sequence[str]) -> NDArray[np.bool_]:
         """Whether each joint is one of the bones, as far as the body has them, or below one."""
-        below = np.zeros(len(self.body.rig), dtype=bool)
-        for bone in bones:
-            if bone in self.body.humanoid:
-                below[self._joint_index([bone])] = True
-        for i, parent in enumerate(self.body.rig.parent):
-            below[i] |= parent >= 0 and below[parent]
-        return below
+        there = [self._joint_index([bone]) for bone in bones if bone in self.body.humanoid]
+        return self.body.rig.below(*there)
 
     def _joint_index(self, bones: Sequence[str]) -> int:
         for bone in bones:

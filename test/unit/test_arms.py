@@ -97,10 +97,7 @@ def test_only_the_arm_that_is_inside_turns_and_only_as_far_as_it_must(mannequin)
     depth = Depth(mannequin)
     rig = mannequin.rig
     left = rig.index(mannequin.humanoid["leftUpperArm"])
-    below = np.zeros(len(rig), bool)
-    below[left] = True
-    for j, parent in enumerate(rig.parent):
-        below[j] |= parent >= 0 and below[parent]
+    below = rig.below(left)
     turned = []
     for degrees in np.arange(20.0, 61.0, 2.0):
         T = hand_in_hip(mannequin, degrees)

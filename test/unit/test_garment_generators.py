@@ -316,3 +316,12 @@ def test_no_skeleton_no_trunk_lying_down():
 def test_bad_options_are_named(name, option, value):
     with pytest.raises(ParameterError, match=option):
         MAKERS[name](body(), **{option: value})
+
+
+@pytest.mark.parametrize("name", ["mannequin", "mh_female_young.glb", "CesiumMan.glb"])
+def test_a_long_skirt_ends_above_the_feet(name, data_file):
+    """Toes that are in the hem at rest come out through it in the first step."""
+    wearer = load_body(name if name == "mannequin" else data_file("bodies", name))
+    skirt = long_skirt(wearer)
+    feet = wearer.skin.vertices[Measures(wearer).share("leftFoot", "rightFoot") > 0.5]
+    assert feet[:, 2].max() + 0.01 < skirt.vertices[:, 2].min() < feet[:, 2].max() + 0.04
