@@ -107,8 +107,9 @@ def run(
         print(f"error: {error}", file=sys.stderr, flush=True)
         return 2
     except RCLError as error:
-        # The context is gone between two lines of a callback once a signal came.
-        if not signals.asked:
+        # The context is gone between two lines of a callback once a signal came, of which
+        # Python may hear only after this.
+        if not signals.asked and (node is None or rclpy.ok()):
             print(f"error: {in_short(error)}", file=sys.stderr, flush=True)
             return 2
     finally:

@@ -85,3 +85,11 @@ def test_what_is_cut_short_in_the_making_says_nothing(number):
         process.send_signal(number)
         assert process.wait(60.0) == 0
         assert process.stdout.read() == ""
+
+
+def test_a_context_that_is_gone_within_a_callback_is_an_end():
+    """The middleware shuts it down before Python hears of the signal."""
+    work = "import rclpy; rclpy.shutdown(); next(self.publishers).get_subscription_count()"
+    with stuck(STUCK.format(work=work)) as process:
+        assert process.wait(60.0) == 0
+        assert process.stdout.read() == ""
