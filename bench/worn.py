@@ -108,10 +108,10 @@ def outfit_file(name: str, folder: Path) -> str:
         return name
     meshes = [Path(found(part, "garments")).resolve() for part in name.split("+")]
     lines = ["version: 1", "garments:"]
-    for layer, mesh in enumerate(meshes):
+    for mesh in meshes:
         kind = "polyester" if "skirt" in mesh.stem or "trousers" in mesh.stem else "cotton_jersey"
         lines += [f"  - name: {mesh.stem.split('_')[0]}", f"    mesh: {mesh}"]
-        lines += [f"    material: {kind}", f"    layer: {layer}"]
+        lines += [f"    material: {kind}"]
         lines += [f"    options: {{made_on: {found(MADE_ON, 'bodies')}}}"]
     path = folder / (name.replace("/", "_") + ".yaml")
     path.write_text("\n".join(lines) + "\n")

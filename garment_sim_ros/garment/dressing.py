@@ -113,10 +113,7 @@ def dressed(
     mesh, notes = _put_outside(name, mesh, measures, covered)
     binding = bind(measures, mesh, covered)
     passed_by = _passed_by(measures, binding, upper)
-    if colliders is not None:
-        met = without_bones(colliders, passed_by)
-        mesh = replace(mesh, vertices=let_out(mesh, measures, met, material.thickness))
-        mesh, _ = _put_outside(name, mesh, measures, covered)
+    mesh = _over_colliders(name, mesh, measures, covered, material, colliders, passed_by)
     if isinstance(attachments, str):
         if attachments == NONE:
             pins = np.zeros(0, dtype=np.int32)
@@ -280,6 +277,44 @@ def _put_outside(
     if deep.any():
         notes += (f"{deep.sum()} vertices are over {1e3 * _DEEPEST * unit:.0f} mm under the skin",)
     return GarmentMesh(vertices=vertices, triangles=triangles), notes
+
+
+def _over_colliders(
+    name: str,
+    mesh: GarmentMesh,
+    measures: Measures,
+    covered: IntArray,
+    material: Material,
+    colliders: ColliderSet | None,
+    passed_by: tuple[str, ...],
+) -> GarmentMesh:
+    """The mesh let out to fit over colliders beside those that pass it by, where there are any."""
+    if colliders is None:
+        return mesh
+    met = without_bones(colliders, passed_by)
+    mesh = replace(mesh, vertices=let_out(mesh, measures, met, material.thickness))
+    return _put_outside(name, mesh, measures, covered)[0]
+
+
+def over_the_body(
+    mesh: GarmentMesh, measures: Measures, colliders: ColliderSet | None, garment: Garment
+) -> GarmentMesh:
+    """A surface that was changed, over skin and colliders again.
+
+    Args:
+        mesh: The surface.
+        measures: The body in the pose of the garment.
+        colliders: What it will lie on; None where only the skin matters.
+        garment: The garment that it is the surface of.
+
+    Raises:
+        GeometryError: The surface is not on the body.
+    """
+    covered = covered_skin(measures, reaches_shoulders(mesh, measures))
+    mesh, _ = _put_outside(garment.name, mesh, measures, covered)
+    return _over_colliders(
+        *(garment.name, mesh, measures, covered, garment.material, colliders, garment.passed_by)
+    )
 
 
 def _listed_pins(

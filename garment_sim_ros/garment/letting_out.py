@@ -4,9 +4,11 @@ A garment cut to the skin would start inside such colliders: pushed out it would
 good, most of all next to pins. Like a tailor's letting out, this moves the cut itself.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
-from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.collide import Contacts, collide
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
@@ -53,14 +55,30 @@ def let_out(
         collide(shapes, posed, sides, single, single.copy(), distance, 0.0, contacts)
         return np.where(contacts.shape[:, None] >= 0, single, x)
 
-    neighbours = adjacency(mesh.triangles, len(mesh.vertices))
-    degree = neighbours.sum(axis=1).reshape(-1, 1)
-    moved = outside(start) - start
+    return spread(start, mesh.triangles, outside) + origin
+
+
+def spread(
+    start: FloatArray, triangles: IntArray, placed: Callable[[FloatArray], FloatArray]
+) -> FloatArray:
+    """Positions of a mesh where some vertices had to move, and their neighbours with them.
+
+    Args:
+        start: Positions [m], shape [v, 3].
+        triangles: Vertex indices, shape [t, 3].
+        placed: Moves those positions that are not allowed to the nearest ones that are.
+
+    Returns:
+        New positions [m], shape [v, 3]; `start` itself where all are allowed.
+    """
+    neighbours = adjacency(triangles, len(start))
+    degree = np.maximum(neighbours.sum(axis=1).reshape(-1, 1), 1)
+    moved = placed(start) - start
     if not moved.any():
-        return mesh.vertices
+        return start
     for _ in range(_ROUNDS):
         moved = 0.5 * (moved + np.asarray(neighbours @ moved / degree))
-        moved = outside(start + moved) - start
+        moved = placed(start + moved) - start
     a, b = neighbours.nonzero()
     least = _SHORTEST * np.linalg.norm(start[a] - start[b], axis=1)
     for _ in range(_ROUNDS):
@@ -70,4 +88,4 @@ def let_out(
         if not len(short):
             break
         moved[short] = np.asarray(neighbours[short] @ moved) / degree[short]
-    return start + moved + origin
+    return start + moved

@@ -15,6 +15,7 @@ from garment_sim_ros.garment.dressing import Holds, dressed
 from garment_sim_ros.garment.evening import evened, is_uneven
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.generators import GENERATORS
+from garment_sim_ros.garment.layering import Cut, layers_of, with_room
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh, load_garment_mesh
 from garment_sim_ros.garment.outfit_file import GarmentEntry, OutfitFile, read_outfit
@@ -28,7 +29,7 @@ class Outfit:
 
     Attributes:
         name: Short name for logs and files.
-        garments: Inner garments before outer ones.
+        garments: In the order of the file.
         text: The outfit file's text.
         colliders: What the file asks them to lie on.
         notes: What was repaired or assumed, one sentence each.
@@ -77,11 +78,11 @@ def make_outfit(
         GeometryError: The body lacks bones or skin that a garment needs.
     """
     measures = Measures(body)
-    garments, notes = [], []
+    cuts, notes = [], []
     for entry in file.garments:
         made = meshes.get(entry.name)
-        garment, remarks = _make(file.source, entry, measures, colliders, made)
-        garments.append(garment)
+        cut, remarks = _make(file.source, entry, measures, colliders, made)
+        cuts.append(cut)
         notes += [f"{entry.name}: {remark}" for remark in remarks]
         holds = entry.holds
         if holds.damping and holds.stiffness == math.inf and isinstance(entry.attachments, str):
@@ -89,7 +90,9 @@ def make_outfit(
                 f"{entry.name}: attachment_damping: found {holds.damping:g}, which does "
                 "nothing; it acts with an attachment_stiffness"
             )
-    notes += [f"colliders: {remark}" for remark in idle(file.colliders)]
+    cuts, found = _layered(file, cuts)
+    garments, let = with_room(cuts, colliders)
+    notes += [*found, *let, *(f"colliders: {remark}" for remark in idle(file.colliders))]
     return Outfit(
         name=file.name,
         garments=tuple(garments),
@@ -97,6 +100,21 @@ def make_outfit(
         colliders=file.colliders,
         notes=tuple(notes),
     )
+
+
+def _layered(file: OutfitFile, cuts: list[Cut]) -> tuple[list[Cut], list[str]]:
+    """Garments in the layers that the file names, or in those that they lie in at rest."""
+    layers = [entry.layer for entry in file.garments]
+    notes = []
+    if all(layer is None for layer in layers):
+        layers = [*layers_of(cuts)]
+        if any(layers):
+            found = ", ".join(f"{c.garment.name} {n}" for c, n in zip(cuts, layers, strict=True))
+            notes.append(f"layers as they lie on the body: {found}")
+    return [
+        replace(cut, garment=replace(cut.garment, layer=layer or 0))
+        for cut, layer in zip(cuts, layers, strict=True)
+    ], notes
 
 
 def _made_on(source: str, name: str) -> Body:
@@ -121,7 +139,7 @@ def _make(
     measures: Measures,
     colliders: ColliderSet | None,
     mesh: GarmentMesh | None,
-) -> tuple[Garment, tuple[str, ...]]:
+) -> tuple[Cut, tuple[str, ...]]:
     if mesh is not None:
         pass
     elif entry.generator is not None:
@@ -150,5 +168,5 @@ def _make(
     apart = entry.self_collision
     if apart is True:
         apart = own_distance(garment.vertices, garment.triangles, garment.material)
-    garment = replace(garment, layer=entry.layer, self_collision=apart or None)
-    return garment, (*mesh.notes, *notes)
+    garment = replace(garment, self_collision=apart or None)
+    return Cut(garment=garment, measures=measures), (*mesh.notes, *notes)

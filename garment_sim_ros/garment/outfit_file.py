@@ -78,7 +78,8 @@ class GarmentEntry:
         material: Its fabric.
         attachments: "auto", "none", or a list.
         layer: Garments with a higher number are worn over those with a lower one; those with the
-            same do not meet.
+            same do not meet. None: as they lie on the body at rest, where no garment of the file
+            has one; else 0.
         holds: What holds it beside its pins.
         self_collision: Whether it is kept from passing through itself, or the distance that its
             parts keep from each other [m].
@@ -91,7 +92,7 @@ class GarmentEntry:
     options: Any
     material: Material
     attachments: str | tuple[Attachment, ...]
-    layer: int = 0
+    layer: int | None = None
     holds: Holds = field(default_factory=Holds)
     self_collision: bool | float = False
     mu: str = ""
@@ -105,7 +106,7 @@ class OutfitFile:
         name: File name without its ending.
         source: Path, or name of the built-in outfit, for messages.
         text: Its YAML text.
-        garments: Inner garments before outer ones.
+        garments: In the order of the file.
         colliders: What they are to lie on; `mu` with the thresholds of the garments, the smallest
             where several name a region.
     """
@@ -244,7 +245,7 @@ def _garment(index: int, entry: object, folder: Path) -> GarmentEntry:
             options=validated(group, _mapping("options", values.get("options", {}))),
             material=material_from(values.get("material")),
             attachments=_attachments(values.get("attachments", AUTOMATIC)),
-            layer=_layer(values.get("layer", 0)),
+            layer=_layer(values.get("layer")),
             holds=_holds(values),
             self_collision=_own_distance(values.get("self_collision", False)),
             mu=_thresholds(values.get("mu", "")),
@@ -253,7 +254,9 @@ def _garment(index: int, entry: object, folder: Path) -> GarmentEntry:
         raise ParameterError(f"{where}.{error.name}", error.problem, error.allowed) from error
 
 
-def _layer(value: object) -> int:
+def _layer(value: object) -> int | None:
+    if value is None:
+        return None
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= _MAX_LAYER:
         raise ParameterError(
             "layer", f"found {repr(value)[:60]}", f"allowed: a whole number, 0 to {_MAX_LAYER}"

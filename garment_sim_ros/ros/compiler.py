@@ -94,7 +94,8 @@ def expected_scene(file: OutfitFile) -> Scene:
         kinds=_kinds(file.colliders),
         garments=frozenset(
             Features(
-                layer=entry.layer,
+                # Where the file names none, they are most often in layers.
+                layer=number if entry.layer is None else entry.layer,
                 # Where nothing else is said, what hangs from the shoulders stays near to them.
                 max_distance=entry.holds.max_distance is not None or entry.generator == "tshirt",
                 backstop=entry.holds.backstop is not None,
@@ -104,7 +105,7 @@ def expected_scene(file: OutfitFile) -> Scene:
                 self_collision=entry.self_collision is not False,
                 passed=True,  # by hands at least
             )
-            for entry in file.garments
+            for number, entry in enumerate(file.garments)
         ),
     )
 
