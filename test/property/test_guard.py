@@ -154,3 +154,23 @@ def test_cloth_beside_pins_is_not_thrown():
         strain.append(longest(simulation.positions("cloth")))
     assert max(strain) < 1.2
     assert strain[-1] < 0.5
+
+
+@pytest.mark.parametrize("degrees", [6.0, 30.0, 90.0])
+def test_a_limb_that_is_found_in_cloth_worn_on_it_is_led_out(degrees):
+    """Put on wrong, a sleeve would hang through the arm for good: no side was ever known."""
+    turn = np.radians(degrees)
+    c, s = np.cos(turn), np.sin(turn)
+    T = np.eye(4)
+    # Along x, turned towards y: its middle is in the sheet, between particles.
+    T[:3, :3] = [[0, -s, c], [0, c, s], [-1, 0, 0]]
+    T[:3, 3] = -0.2 * c, 0.01 - 0.2 * s, -0.42
+    path = [BODY.poses({"rod": T})] * 60
+    garment = curtain()
+    meter = PiercedMeter(BODY)
+    meter.add(path[0], {"cloth": (garment.vertices.astype(np.float32), garment.triangles)})
+    assert meter.result().share == 1.0
+    share, simulation = push_through(garment, BODY, path)
+    assert share == 0.0
+    way = np.linalg.norm(simulation.positions("cloth") - garment.vertices, axis=1)
+    assert way.max() < 0.25

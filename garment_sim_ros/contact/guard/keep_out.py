@@ -4,8 +4,9 @@ Contact moves particles out of shapes. Between particles, and where shapes press
 sides, a limb gets through all the same. The guard acts after each search for contacts, on the
 triangles that are nearer to the core of a body part than its `radius`. On which side of a core a
 triangle is, is remembered from search to search as long as the two are near each other; what
-crossed on its way comes back to the side that it came from. A core of a shape that is outside of
-the cloth, and is found in a triangle without having come from anywhere, is led out.
+crossed on its way comes back to the side that it came from. A core that is found in a triangle
+without having come from anywhere is led out: a triangle's outer face looks away from what the cloth
+is worn on, and at what is outside of it.
 
 A limb that the motion presses into another one leaves no place for cloth between the two. The
 cloth then stays on the limb: what the other shape does to particles that the guard holds is
@@ -134,17 +135,19 @@ def _find_side(guard, x_before, x, c, t, m, distance, u, v):
     n = cross(u, v)
     # What is under the cloth has its inner face before it. A triangle that comes with the outer
     # one, or around the core, has no business there: contact gets it away.
-    if not (known or guard.outside[c, t]) and (how == FOUND_IN or dot(came_from, n) < 0.0):
+    outside = guard.outside[c, t]
+    strange = distance > 0.0 if how == FOUND_IN else dot(came_from, n) < 0.0
+    if strange and not (known or outside):
         return
     guard.seen[c, t] = now
     if how == CROSSED:
         _put(guard.side[c], t, came_from)
         guard.crossed[c, t] = True
-    elif how == FOUND_IN and known and not guard.outside[c, t]:
+    elif how == FOUND_IN and known and not outside:
         guard.crossed[c, t] = True
     elif how == FOUND_IN and distance == 0.0:
-        r = 1.0 / np.sqrt(max(dot(n, n), 1e-30))
-        _put(guard.side[c], t, (-r * n[0], -r * n[1], -r * n[2]))
+        r = (-1.0 if outside else 1.0) / np.sqrt(max(dot(n, n), 1e-30))
+        _put(guard.side[c], t, (r * n[0], r * n[1], r * n[2]))
         guard.crossed[c, t] = True
         guard.counts[3] += 1
     else:
