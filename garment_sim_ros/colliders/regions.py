@@ -12,8 +12,17 @@ import numpy as np
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.major_bones import MajorBones, major_bones
 from garment_sim_ros.body.skin import Body, Skin
+from garment_sim_ros.geometry.transforms import invert_transform
 
 _ALSO = ("leftToes", "rightToes")
+_LIMBS = tuple(
+    (f"{side}{part}", f"{side}{end}")
+    for side in ("left", "right")
+    for part, end in (("UpperArm", "LowerArm"), ("UpperLeg", "LowerLeg"))
+)
+_FAR = (2.0, 2.5)
+"""Distances from a limb's bone, as multiples of its skin's median distance, from which on the limb
+moves skin less, and not at all."""
 _FLEXIBLE = 0.02
 """A vertex on which two bones have at least this weight is flexible."""
 
@@ -58,6 +67,7 @@ def skin_regions(body: Body, *, merge: float = 0.0) -> Regions:
     """
     bones = major_bones(body, also=_ALSO)
     weight = bone_weights(body.skin, bones)
+    _give_back_the_trunk(body, bones, weight)
     area = vertex_areas(body.skin)
     parent = bones.parent.copy()
     alive = np.ones(len(bones), dtype=np.bool_)
@@ -88,6 +98,43 @@ def skin_regions(body: Body, *, merge: float = 0.0) -> Regions:
         weight=np.ascontiguousarray(weight[:, kept]),
         owner=number[owner],
     )
+
+
+def _give_back_the_trunk(body: Body, bones: MajorBones, weight: FloatArray) -> None:
+    """Takes from limbs the weights of skin that lies far from them.
+
+    A rig may hang a strip of the trunk's side on the upper arm: a collider of both would go
+    through cloth, as a wing, with every move of the arm.
+
+    Args:
+        body: Rig and skin.
+        bones: Its major bones.
+        weight: Skin weights of each bone, changed in place, shape [v, m].
+    """
+    x = body.skin.vertices
+    place = {
+        joint: invert_transform(body.skin.T_bone_bind[number])[:3, 3]
+        for joint, number in zip(bones.names, bones.joint, strict=True)
+    }
+    for bone, below in _LIMBS:
+        name, end = body.humanoid.get(bone), body.humanoid.get(below)
+        if name not in place or end not in place:
+            continue
+        m = bones.names.index(name)
+        start, along = place[name], place[end] - place[name]
+        s = np.clip((x - start) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
+        distance = np.linalg.norm(x - start - s[:, None] * along, axis=1)
+        own = weight.argmax(axis=1) == m
+        if not own.any():
+            continue
+        share = (_FAR[1] - distance / np.median(distance[own])) / (_FAR[1] - _FAR[0])
+        kept = weight[:, m] * np.clip(share, 0.0, 1.0)
+        others = weight.sum(axis=1) - weight[:, m]
+        # What nothing else moves stays, however far.
+        far = (kept < weight[:, m]) & (others > 1e-3)
+        scale = 1.0 + (weight[:, m] - kept)[far] / others[far]
+        weight[far] *= scale[:, None]
+        weight[far, m] = kept[far]
 
 
 def region_surface(skin: Skin, regions: Regions, region: int) -> FloatArray:

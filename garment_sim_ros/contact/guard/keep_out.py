@@ -5,8 +5,8 @@ sides, a limb gets through all the same. The guard acts after each search for co
 triangles that are nearer to the core of a body part than its `radius`. On which side of a core a
 triangle is, is remembered from search to search as long as the two are near each other; what
 crossed on its way comes back to the side that it came from. A core that is found in a triangle
-without having come from anywhere is led out: a triangle's outer face looks away from what the cloth
-is worn on, and at what is outside of it.
+without having come from anywhere is led out: a triangle's outer face looks away from what the
+cloth is worn on, and at what is outside of it.
 
 A limb that the motion presses into another one leaves no place for cloth between the two. The
 cloth then stays on the limb: what the other shape does to particles that the guard holds is
