@@ -1,4 +1,4 @@
-"""What one query of one collider costs, by kind: the constants of `fit --method auto`.
+"""What one query of one collider costs, by kind.
 
     python bench/query_cost.py [--body mannequin] [--rounds 9]
 

@@ -45,14 +45,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=lambda name: METHOD_ALIASES.get(name, name),
         choices=tuple(METHODS),
         default="hulls",
-        help="kind of collider; sdf: sampled signed distances; auto: for each part the "
-        "tightest at equal run-time cost; mesh: the skin itself, exact and slow",
+        help="kind of collider; sdf: sampled signed distances; mesh: the skin itself, exact "
+        "and slow",
     )
     for title, settings in (
-        (
-            "of the methods hulls and auto; delta of all but mesh, merge and joints of sdf, too",
-            HullSettings,
-        ),
+        ("of the method hulls; delta of all but mesh, merge and joints of sdf, too", HullSettings),
         ("of the method sdf", SdfSettings),
         ("of the method ellipsoids", EllipsoidSettings),
     ):
@@ -95,9 +92,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if missing := missing_bones_of(body, "--bone-names"):
         print(missing)
     options = _options(args)
-    for line in idle(options) if args.method != "auto" else ():
+    for line in idle(options):
         print(f"note: {line}")
-    fit = fitted(body, options, args.method)
+    fit = fitted(body, options)
     colliders = fit.colliders
     for note in (*fit.notes, *(f"assumed: {note}" for note in body.notes)):
         print(note)
@@ -133,8 +130,6 @@ def _options(args: argparse.Namespace) -> ColliderOptions:
     """What the node would have as parameters."""
     names = (n for n in declarations(ColliderOptions) if hasattr(args, n))
     values = {name: getattr(args, name) for name in names}
-    if args.method == "auto":  # no collider's, but a choice among them
-        del values["method"]
     return validated(ColliderOptions, values | {"mu": " ".join(args.mu)})
 
 

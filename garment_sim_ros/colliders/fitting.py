@@ -40,19 +40,18 @@ def fit_colliders(body: Body, options: ColliderOptions | None = None) -> Collide
     return fitted(body, options or ColliderOptions()).colliders
 
 
-def fitted(body: Body, options: ColliderOptions, method: str = "") -> Fit:
+def fitted(body: Body, options: ColliderOptions) -> Fit:
     """The same with what the method tells about it.
 
     Args:
         body: Rig and skin.
         options: Method and its settings.
-        method: One of `METHODS`, instead of that of the options.
 
     Raises:
         GeometryError: The body cannot be fitted.
         ParameterError: An option is out of range.
     """
-    method = method or options.method
+    method = options.method
     if method not in METHODS:
         raise ParameterError("method", f"found {method!r}", "allowed: " + ", ".join(METHODS))
     return METHODS[method](body, options)
@@ -105,22 +104,6 @@ def _ellipsoids(body: Body, options: ColliderOptions) -> Fit:
     )
 
 
-def _auto(body: Body, options: ColliderOptions) -> Fit:
-    from garment_sim_ros.colliders.mixed import fit_mixed
-
-    colliders, report = fit_mixed(
-        body, options, segmentation=options.segmentation, thickness=options.thickness
-    )
-    notes = [f"assumed: {note}" for note in report["assumed"]]
-    for name, part in report["parts"].items():
-        figures = ", ".join(
-            f"{kind} {part[kind]['mean_mm']:.1f} mm for {part[kind]['cost_ns']:.0f} ns"
-            for kind in ("hull", "ellipsoid", "capsule")
-        )
-        notes.append(f"{name}: {part['chosen']} ({figures})")
-    return Fit(colliders=colliders, notes=tuple(notes), report=lambda: {"auto": report})
-
-
 def _capsules(body: Body, options: ColliderOptions) -> Fit:
     from garment_sim_ros.colliders.capsules.capsules import fit_capsules
 
@@ -146,6 +129,5 @@ METHODS: dict[str, Callable[[Body, ColliderOptions], Fit]] = {
     "spheres": _spheres,
     "sdf": _signed_distances,
     "mesh": _mesh,
-    "auto": _auto,
 }
-"""All methods; ``auto`` takes for each part of a body the tightest at equal run-time cost."""
+"""All methods."""

@@ -25,7 +25,6 @@ LONG_FUNCTIONS = {
     "colliders/hulls/hull_placement.py:place": (13, 80),
     "colliders/hulls/hull_simplify.py:_evaluate": (13, 80),
     "colliders/hulls/hull_simplify.py:_delete": (12, 95),
-    "colliders/mixed.py:fit_mixed": (12, 85),
     "colliders/segmentation/feature_points.py:feature_points": (12, 100),
     "contact/collide.py:collide_particles": (12, 252),
     "contact/distance.py:deepest_shape": (15, 80),

@@ -4,7 +4,6 @@ Also the same without segmentation, as in their ref. [19] (Tang Y. et al. 2013, 
 ellipsoids), for comparison and for bodies that are no humans.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,8 +29,6 @@ PARTS = ("torso", *REGIONS[:9])
 """Parts of a body that are refined one by one: the torso's six regions together."""
 SEGMENTATIONS = declarations(EllipsoidSettings)["segmentation"].choices
 COVERS = ("triangles", "vertices")
-_ALWAYS = 1e-9
-"""A threshold that every fit error exceeds [m]."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +90,6 @@ def ellipsoids_around(
     *,
     sex: str = "female",
     cover: str = "triangles",
-    counts: Mapping[str, int] | None = None,
 ) -> EllipsoidFit:
     """Fit ellipsoids to a body's skin in its bind pose.
 
@@ -105,8 +101,6 @@ def ellipsoids_around(
         sex: For the paper's constants.
         cover: ``triangles``: the whole skin is inside the union; ``vertices``: as in the paper,
             which leaves skin outside where ellipsoids meet.
-        counts: Ellipsoids of each of `PARTS` (or of ``body`` without segmentation), instead of
-            thresholds; the torso has at least 6.
 
     Raises:
         GeometryError: The body cannot be segmented.
@@ -135,12 +129,7 @@ def ellipsoids_around(
             clusters = Clustering.start(x[mine], divided.region[mine], sigma=s.sigma)
             mu = min(thresholds[REGIONS[i]] for i in group)
             parts.append(_Part(name, mine, clusters, tuple(REGIONS[i] for i in group), mu))
-    if counts is None:
-        refine([p.clusters for p in parts], [p.mu for p in parts], s.max_ellipsoids)
-    else:
-        for part in parts:
-            refine([part.clusters], [_ALWAYS], counts[part.name])
-            part.mu = np.inf
+    refine([p.clusters for p in parts], [p.mu for p in parts], s.max_ellipsoids)
     while True:
         fit = _gathered(body, parts, divided, cover)
         if not _split_worst(parts, fit, s.max_ellipsoids):
