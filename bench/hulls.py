@@ -33,7 +33,7 @@ from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.report.fatness import Union, fatness
 from garment_sim_ros.colliders.report.motion_report import motion_report
 from garment_sim_ros.contact.distance import shape_distance
-from garment_sim_ros.contact.kinds.hull import hull_planes
+from garment_sim_ros.contact.kinds.packed_hulls import hull_planes
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
 from garment_sim_ros.contact.papers.hull_location import HullLocator
 from garment_sim_ros.contact.papers.outer_map import outer_map

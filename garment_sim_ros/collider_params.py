@@ -4,10 +4,22 @@ import dataclasses
 
 from garment_sim_ros.declaration import needs, parameter
 
-_ON_HULLS = (needs("method", "hulls"),)
-_ON_HULLS_AND_GRIDS = (needs("method", "hulls", "sdf"),)
-_ON_GRIDS = (needs("method", "sdf"),)
-_ON_ELLIPSOIDS = (needs("method", "ellipsoids"),)
+METHODS = HULLS, CAPSULES, ELLIPSOIDS, SPHERES, SDF, MESH = (
+    "hulls",
+    "capsules",
+    "ellipsoids",
+    "spheres",
+    "sdf",
+    "mesh",
+)
+"""Ways to fit colliders; `colliders.fitting.METHODS` has what each does."""
+METHOD_ALIASES = {name.removesuffix("s"): name for name in METHODS if name.endswith("s")}
+"""Other spellings of them."""
+
+_ON_HULLS = (needs("method", HULLS),)
+_ON_HULLS_AND_GRIDS = (needs("method", HULLS, SDF),)
+_ON_GRIDS = (needs("method", SDF),)
+_ON_ELLIPSOIDS = (needs("method", ELLIPSOIDS),)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -20,7 +32,7 @@ class HullSettings:
         unit="m",
         minimum=0.0,
         maximum=0.05,
-        needs=(needs("method", "hulls", "capsules", "ellipsoids", "spheres", "sdf"),),
+        needs=(needs("method", HULLS, CAPSULES, ELLIPSOIDS, SPHERES, SDF),),
     )
     max_faces: int = parameter(
         80,
@@ -144,17 +156,11 @@ class EllipsoidSettings:
     )
 
 
-METHODS = ("hulls", "capsules", "ellipsoids", "spheres", "sdf", "mesh")
-"""Kinds of colliders."""
-METHOD_ALIASES = {name.removesuffix("s"): name for name in METHODS if name.endswith("s")}
-"""Other spellings of them."""
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _ColliderKind:
     """The first of `ColliderOptions`."""
 
-    method: str = parameter("hulls", "Kind of colliders.", choices=METHODS, aliases=METHOD_ALIASES)
+    method: str = parameter(HULLS, "Kind of colliders.", choices=METHODS, aliases=METHOD_ALIASES)
     thickness: float = parameter(
         0.002,
         "Distance kept between cloth and collider surfaces, on top of delta.",

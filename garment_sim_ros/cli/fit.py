@@ -9,12 +9,7 @@ from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.missing_bones import missing_bones_of
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.cli.staging import staged
-from garment_sim_ros.collider_params import (
-    METHOD_ALIASES,
-    EllipsoidSettings,
-    HullSettings,
-    SdfSettings,
-)
+from garment_sim_ros.collider_params import METHOD_ALIASES
 from garment_sim_ros.colliders.description import save_colliders
 from garment_sim_ros.colliders.fitting import METHODS, fitted
 from garment_sim_ros.colliders.report.fit_report import fit_report
@@ -44,33 +39,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--method",
         type=lambda name: METHOD_ALIASES.get(name, name),
         choices=tuple(METHODS),
-        default="hulls",
-        help="kind of collider; sdf: sampled signed distances; mesh: the skin itself, exact "
-        "and slow",
+        default=declarations(ColliderOptions)["method"].default,
+        help="; ".join(f"{name}: {method.text}" for name, method in METHODS.items()),
     )
-    for title, settings in (
-        ("of the method hulls; delta of all but mesh, merge and joints of sdf, too", HullSettings),
-        ("of the method sdf", SdfSettings),
-        ("of the method ellipsoids", EllipsoidSettings),
-    ):
-        group = parser.add_argument_group(title)
-        for name, declared in declarations(settings).items():
-            _add(group, f"--{name.replace('_', '-')}", declared)
+    for name, method in METHODS.items():
+        if method.settings is None:
+            continue
+        group = parser.add_argument_group(f"of the method {name}")
+        for own, declared in declarations(method.settings).items():
+            _add(group, f"--{own.replace('_', '-')}", declared)
     parser.add_argument("--out", metavar="F.json", type=Path, required=True, help="result")
     parser.add_argument(
         "--clip",
         metavar="F",
         help="also report how far the skin leaves the colliders over a clip (BVH, rosbag2, walk)",
     )
-    group.add_argument(
-        "--preview-regions", metavar="F.png", type=Path, help="picture of the segmentation"
+    parser.add_argument(
+        "--preview-regions",
+        metavar="F.png",
+        type=Path,
+        help="picture of the regions that ellipsoids are fitted to",
     )
     parser.add_argument("--preview", metavar="F.png", type=Path, help="picture of skin and fit")
 
 
 def _add(group: argparse._ArgumentGroup, flag: str, declared: Declaration) -> None:
     """One option of a parameter group."""
-    text = f"{declared.text} {declared.allowed}; default {declared.default}".replace("%", "%%")
+    text = f"{declared.described} {declared.allowed}; default {declared.default}".replace(
+        "%", "%%"
+    )
     if declared.type is bool:
         action = argparse.BooleanOptionalAction
         group.add_argument(flag, action=action, default=declared.default, help=text)

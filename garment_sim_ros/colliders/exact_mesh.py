@@ -4,7 +4,8 @@ import numpy as np
 
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
-from garment_sim_ros.contact.shapes import Collider, ColliderSet
+from garment_sim_ros.contact.kinds.mesh import MESH
+from garment_sim_ros.contact.shapes import Collider, ColliderSet, frame_of
 from garment_sim_ros.errors import GeometryError
 
 
@@ -31,7 +32,7 @@ def fit_mesh(body: Body, *, thickness: float = 0.002) -> ColliderSet:
     number[joints] = np.arange(len(joints))
     mesh = Collider(
         name="skin",
-        kind="mesh",
+        kind=MESH.name,
         bone=names[0],
         geometry={
             "vertices": skin.vertices,
@@ -41,5 +42,5 @@ def fit_mesh(body: Body, *, thickness: float = 0.002) -> ColliderSet:
             "bind": skin.T_bone_bind[joints, :3],
         },
     )
-    frames = (Collider(name=f"frame_{name}", kind="frame", bone=name) for name in names)
+    frames = (frame_of(name) for name in names)
     return ColliderSet(colliders=(*frames, mesh), thickness=thickness)

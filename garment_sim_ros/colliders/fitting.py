@@ -1,10 +1,23 @@
 """Colliders for a body by the name of a method: what nodes, commands and outfits fit with."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.collider_params import (
+    CAPSULES,
+    ELLIPSOIDS,
+    HULLS,
+    MESH,
+    SDF,
+    SPHERES,
+    EllipsoidSettings,
+    HullSettings,
+    SdfSettings,
+)
+from garment_sim_ros.contact import kinds
+from garment_sim_ros.contact.kinds.ellipsoid import REFITTED
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.params import ColliderOptions
@@ -23,6 +36,23 @@ class Fit:
     colliders: ColliderSet
     notes: tuple[str, ...] = ()
     report: Callable[[], dict[str, Any]] = dict
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """A way to fit colliders.
+
+    Attributes:
+        text: What it makes, for people.
+        fit: Fits a body.
+        settings: The parameters that are its own; None where it has none.
+        variants: Variants of colliders that it is sure to make, see `contact.kinds.kind.Kind`.
+    """
+
+    text: str
+    fit: Callable[[Body, ColliderOptions], Fit]
+    settings: type[Any] | None = None
+    variants: Callable[[ColliderOptions], set[str]]
 
 
 def fit_colliders(body: Body, options: ColliderOptions | None = None) -> ColliderSet:
@@ -54,7 +84,7 @@ def fitted(body: Body, options: ColliderOptions) -> Fit:
     method = options.method
     if method not in METHODS:
         raise ParameterError("method", f"found {method!r}", "allowed: " + ", ".join(METHODS))
-    return METHODS[method](body, options)
+    return METHODS[method].fit(body, options)
 
 
 # Each imports what only it needs: a fit that was kept needs none of it.
@@ -67,12 +97,14 @@ def _hulls(body: Body, options: ColliderOptions) -> Fit:
     fit = fit_hulls(body, options, thickness=options.thickness)
     return Fit(
         colliders=fit.colliders,
-        notes=tuple(f"{s.name}: {s.kind}, {s.note}" for s in fit.shapes if s.kind != "hull"),
+        notes=tuple(
+            f"{s.name}: {s.kind}, {s.note}" for s in fit.shapes if s.kind != kinds.HULL.name
+        ),
         report=lambda: {"shapes": hull_report(fit)},
     )
 
 
-def _signed_distances(body: Body, options: ColliderOptions) -> Fit:
+def _grids(body: Body, options: ColliderOptions) -> Fit:
     from garment_sim_ros.colliders.signed_distance import fit_signed_distances
 
     fit = fit_signed_distances(
@@ -122,12 +154,33 @@ def _mesh(body: Body, options: ColliderOptions) -> Fit:
     return Fit(colliders=fit_mesh(body, thickness=options.thickness))
 
 
-METHODS: dict[str, Callable[[Body, ColliderOptions], Fit]] = {
-    "hulls": _hulls,
-    "capsules": _capsules,
-    "ellipsoids": _ellipsoids,
-    "spheres": _spheres,
-    "sdf": _signed_distances,
-    "mesh": _mesh,
+METHODS: Mapping[str, Method] = {
+    HULLS: Method(
+        text="convex hulls of the skin of each bone, spheres and hulls at joints",
+        fit=_hulls,
+        settings=HullSettings,
+        variants=lambda o: (
+            {kinds.HULL.name} if o.joints == "none" else {kinds.HULL.name, kinds.SPHERE.name}
+        ),
+    ),
+    CAPSULES: Method(
+        text="tapered capsules", fit=_capsules, variants=lambda o: {kinds.CAPSULE.name}
+    ),
+    ELLIPSOIDS: Method(
+        text="ellipsoids around regions of the skin",
+        fit=_ellipsoids,
+        settings=EllipsoidSettings,
+        variants=lambda o: {kinds.ELLIPSOID.name, REFITTED} if o.refit else {kinds.ELLIPSOID.name},
+    ),
+    SPHERES: Method(text="spheres in rows", fit=_spheres, variants=lambda o: {kinds.SPHERE.name}),
+    SDF: Method(
+        text="sampled signed distances",
+        fit=_grids,
+        settings=SdfSettings,
+        variants=lambda o: {kinds.SDF.name},
+    ),
+    MESH: Method(
+        text="the skin itself, exact and slow", fit=_mesh, variants=lambda o: {kinds.MESH.name}
+    ),
 }
-"""All methods."""
+"""All methods, by the names that parameters, commands and outfits call them."""

@@ -29,6 +29,7 @@ from garment_sim_ros.colliders.joint_shapes import (
 )
 from garment_sim_ros.colliders.regions import Regions, region_surface, skin_regions
 from garment_sim_ros.contact.kinds.distance_grid import CORNERS, DistanceGrid, cells_and_shares
+from garment_sim_ros.contact.kinds.sdf import SDF
 from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import GeometryError, ParameterError
 from garment_sim_ros.geometry.closest_sweep import grid_distances
@@ -81,7 +82,7 @@ class SignedDistanceFit:
         """Figures of each shape by name, lengths in mm."""
         return {
             shape.name: {
-                "kind": "sdf",
+                "kind": SDF.name,
                 "nodes": shape.nodes,
                 "voxel_mm": round(1e3 * shape.voxel, 3),
                 "volume": round(shape.volume, 6),
@@ -313,7 +314,7 @@ def _collider(
         geometry["share"] = share
     return Collider(
         name=name,
-        kind="sdf",
+        kind=SDF.name,
         bone=bone,
         position=transform_points(T_bone_bind, piece.box.centre[None])[0],
         orientation=quaternion_from_matrix(T_bone_bind[:3, :3] @ piece.box.axes),

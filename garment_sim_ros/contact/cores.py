@@ -4,8 +4,7 @@ The core of a shape is the middle 70 % of its long axis. Where it runs through a
 part has cloth on both of its sides. Spheres have none.
 """
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -14,14 +13,11 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from garment_sim_ros.arrays import FloatArray, IntArray
-from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 
 _MIDDLE = 0.7
 """Share of the long axis that counts as core."""
-_FEWEST = 20
-"""Points that a shape without a long axis of its own needs to have a core."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,16 +56,10 @@ class Cores:
         solids: list[int] = []
         planes: list[FloatArray] = []
         for i, c in enumerate(colliders.colliders):
-            if c.kind == "capsule":
-                z = float(c.geometry["length"]) * (0.5 + 0.5 * _MIDDLE * np.array([-1.0, 1.0]))  # type: ignore[arg-type]
-                ends.append(z[:, None] * [0.0, 0.0, 1.0])
-                depth.append(min(float(c.geometry[k]) for k in ("radius0", "radius1")))  # type: ignore[arg-type]
-                carrier.append(i)
-            elif c.kind == "ellipsoid":
-                radii = np.asarray(c.geometry["radii"], np.float64)
-                half = _MIDDLE * radii.max() * np.eye(3)[int(radii.argmax())]
-                ends.append(np.stack([-half, half]))
-                depth.append(float(radii.min()) * math.sqrt(1.0 - _MIDDLE**2))
+            if c.shape is not None and c.shape.core is not None:
+                core = c.shape.core(c.geometry, _MIDDLE)
+                ends.append(core.ends)
+                depth.append(core.depth)
                 carrier.append(i)
         for i, points in _clouds(colliders):
             ends.append(_middle(points))
@@ -111,29 +101,7 @@ def _middle(points: FloatArray) -> FloatArray:
 
 def _clouds(colliders: ColliderSet) -> Iterator[tuple[int, FloatArray]]:
     """Points whose convex hull stands for a shape, with the collider that carries it."""
+    frames = [i for i, c in enumerate(colliders.colliders) if c.is_frame]
     for i, c in enumerate(colliders.colliders):
-        if c.kind == "hull":
-            yield i, np.asarray(c.geometry["vertices"], np.float64)
-        elif c.kind == "sdf":
-            grid = DistanceGrid.of(c.geometry)
-            middle = 0.5 * (np.array(grid.distance.shape) - 1)
-            points = grid.cell * (np.argwhere(grid.distance < 0) - middle)
-            if len(points) >= _FEWEST and np.ptp(points, axis=0).all():
-                yield i, points
-        elif c.kind == "mesh":
-            yield from _parts_of_skin(colliders, c.geometry)
-
-
-def _parts_of_skin(
-    colliders: ColliderSet, geometry: Mapping[str, object]
-) -> Iterator[tuple[int, FloatArray]]:
-    """The vertices that each frame of a skin moves most, in that frame."""
-    carrier = [i for i, c in enumerate(colliders.colliders) if c.kind == "frame"]
-    weight = np.asarray(geometry["weight"], np.float64)
-    frame = np.asarray(geometry["frame"], np.int64)
-    bind = np.asarray(geometry["bind"], np.float64)
-    x = np.asarray(geometry["vertices"], np.float64)
-    most = np.take_along_axis(frame, weight.argmax(axis=1)[:, None], axis=1)[:, 0]
-    for f in np.unique(most):
-        if np.count_nonzero(most == f) >= _FEWEST:
-            yield carrier[f], x[most == f] @ bind[f, :, :3].T + bind[f, :, 3]
+        for cloud in c.record.clouds(c.geometry):
+            yield (i if cloud.frame is None else frames[cloud.frame]), cloud.points

@@ -1,28 +1,28 @@
-"""Signed distance to any shape, of a point or a block, and which of several is the deepest."""
+"""Signed distance to any shape, of a point or a block, and which of several is the deepest.
+
+Kernels cannot call what a record holds: here is what they call instead, by the kind's code.
+"""
 
 import numpy as np
 
-from garment_sim_ros.contact.block import (
-    FIRM,
-    NEAREST,
-    PLANE,
-    capsule_distances,
+from garment_sim_ros.contact.block import FIRM, NEAREST, PLANE
+from garment_sim_ros.contact.kinds.capsule import CAPSULE, capsule_distance, capsule_distances
+from garment_sim_ros.contact.kinds.ellipsoid import (
+    ELLIPSOID,
+    ellipsoid_distance_if_any,
     ellipsoid_distances_if_any,
-    hull_distances_if_any,
-    sdf_distances_if_any,
 )
-from garment_sim_ros.contact.kinds.capsule import capsule_distance
-from garment_sim_ros.contact.kinds.ellipsoid import ellipsoid_distance_if_any
-from garment_sim_ros.contact.kinds.hull import hull_distance_if_any, hull_normal_if_any
-from garment_sim_ros.contact.kinds.sdf import sdf_distance_if_any
-from garment_sim_ros.contact.kinds.sphere import sphere_distance
-from garment_sim_ros.contact.shapes import KINDS
+from garment_sim_ros.contact.kinds.hull import HULL, hull_distance_if_any, hull_normal_if_any
+from garment_sim_ros.contact.kinds.hull_block import hull_distances_if_any
+from garment_sim_ros.contact.kinds.sdf import SDF, sdf_distance_if_any, sdf_distances_if_any
+from garment_sim_ros.contact.kinds.sphere import SPHERE, sphere_distance
 from garment_sim_ros.jit import lean_kernel
 
-_SPHERE = KINDS.index("sphere")
-_ELLIPSOID = KINDS.index("ellipsoid")
-_HULL = KINDS.index("hull")
-_SDF = KINDS.index("sdf")
+_SPHERE = SPHERE.code
+_CAPSULE = CAPSULE.code
+_ELLIPSOID = ELLIPSOID.code
+_HULL = HULL.code
+_SDF = SDF.code
 
 
 @lean_kernel(inner=True)
@@ -66,7 +66,7 @@ def shape_distances(shapes, posed, k, thickness, block, cell, lane):
     elif kind == _SDF:
         sdf_distances_if_any(shapes, posed, k, thickness, block, lane)
     else:
-        capsule_distances(shapes, posed, k, block)
+        capsule_distances(shapes, posed, k, block, kind == _CAPSULE)
         if kind == _ELLIPSOID:
             ellipsoid_distances_if_any(shapes, posed, k, block)
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray
+from garment_sim_ros.contact.kinds.ellipsoid import REFIT_KEYS, REFITTED
 from garment_sim_ros.contact.packed import PackedShapes, PosedShapes
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError
@@ -19,10 +20,6 @@ from garment_sim_ros.geometry.mvee import enclose, room_to_enclose
 from garment_sim_ros.geometry.transforms import rotate
 from garment_sim_ros.jit import lean_kernel
 
-REFIT_KEYS = ("frames", "points", "weights", "inflation")
-"""Geometry entries of an ellipsoid that is fitted again: indices of the set's frames that carry
-it, shape [b]; its points in each of these frames [m], shape [b, n, 3]; their weights, shape
-[b, n]; and what is added to the radii around them [m]."""
 MAX_POINTS = 4096
 _TOLERANCE = 0.005
 """Of volumes; what is found holds its points in any case."""
@@ -130,9 +127,9 @@ def refit_entries(
         GeometryError: They do not fit together.
     """
     result = {}
-    of_frames = {i for i, c in enumerate(colliders.colliders) if c.kind == "frame"}
+    of_frames = {i for i, c in enumerate(colliders.colliders) if c.is_frame}
     for i, c in enumerate(colliders.colliders):
-        if c.kind == "ellipsoid" and "points" in c.geometry:
+        if c.record.variant_of(c.geometry) == REFITTED:
             try:
                 result[i] = _entries(c.geometry, of_frames)
             except (GeometryError, KeyError, ValueError) as error:

@@ -1,37 +1,27 @@
 """Collider shapes as flat arrays: packed once, posed once per step, met by all garments."""
 
-from collections.abc import Mapping
-from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
-from garment_sim_ros.contact.kinds.buried_faces import buried_planes
-from garment_sim_ros.contact.kinds.capsule import capsule_size
-from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
-from garment_sim_ros.contact.kinds.ellipsoid import ellipsoid_bound, ellipsoid_size
-from garment_sim_ros.contact.kinds.hull import PackedHulls, hull_bound, pack_hulls
-from garment_sim_ros.contact.kinds.sdf import PackedGrids, pack_grids
-from garment_sim_ros.contact.shapes import KINDS, Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.contact.kinds import KINDS
+from garment_sim_ros.contact.kinds.kind import NO_SIZE, Own, Size
+from garment_sim_ros.contact.kinds.packed_grids import PackedGrids
+from garment_sim_ros.contact.kinds.packed_hulls import PackedHulls
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.transforms import transform_points
 from garment_sim_ros.jit import lean_kernel
-
-_BURIED = 0.05
-"""Share of the longest shape that hulls go on for outside of a buried face: 2 cm on a human."""
 
 
 class PackedShapes(NamedTuple):
     """The shapes of a collider set that can be touched; frames are left out.
 
     Attributes:
-        kind: Index into `KINDS`, shape [m].
+        kind: Code of the kind, see `kinds.kind.Kind`, shape [m].
         collider: Index into the set, shape [m].
-        size: Numbers of the kind, see ``contact_<kind>.py``, shape [m, 4].
-        hull: Index of each hull in `hulls` and of each sdf in `grids`, 0 for other kinds, shape
-            [m].
+        size: Size numbers of the kind, see its file in `kinds`, shape [m, 4].
+        hull: Which each hull is in `hulls` and each sdf in `grids`, shape [m].
         bound: A capsule that holds the shape, in the shape's frame [m]: start, end and radius,
             shape [m, 7].
         box: Centre and half extents of a hull's or sdf's box, in its frame [m]; zero for other
@@ -49,9 +39,9 @@ class PackedShapes(NamedTuple):
     bound: FloatArray
     box: FloatArray
     longest: np.float32
-    radii: SingleArray | None
-    hulls: PackedHulls | None
-    grids: PackedGrids | None
+    radii: SingleArray | None = None
+    hulls: PackedHulls | None = None
+    grids: PackedGrids | None = None
 
 
 class Bounds(NamedTuple):
@@ -123,26 +113,6 @@ class PosedShapes(NamedTuple):
         )
 
 
-def _packed(collider: Collider) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Size numbers and bounding capsule of one collider, in its own frame."""
-    g = collider.geometry
-    try:
-        if collider.kind == "sphere":
-            r, _, _, _ = capsule_size(float(g["radius"]), 0.0, 0.0)  # type: ignore[arg-type]
-            return (r, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, r)
-        if collider.kind == "capsule":
-            r0, r1, length = (float(g[k]) for k in ("radius0", "radius1", "length"))  # type: ignore[arg-type]
-            return capsule_size(r0, r1, length), (0.0, 0.0, 0.0, 0.0, 0.0, length, max(r0, r1))
-        if collider.kind == "ellipsoid":
-            size = ellipsoid_size(g["radii"])
-            return size, ellipsoid_bound(size)
-        if collider.kind == "hull":
-            return (0.0, 0.0, 0.0, 0.0), hull_bound(np.asarray(g["vertices"], np.float64))
-        return (0.0, 0.0, 0.0, 0.0), hull_bound(DistanceGrid.of(g).rim())
-    except (TypeError, ValueError, GeometryError) as error:
-        raise GeometryError(f"collider {collider.name!r}: {error}") from None
-
-
 def pack(colliders: ColliderSet, T_world_rest: FloatArray | None = None) -> PackedShapes:
     """The touchable shapes of a set as flat arrays, a skinned mesh not among them.
 
@@ -154,71 +124,49 @@ def pack(colliders: ColliderSet, T_world_rest: FloatArray | None = None) -> Pack
     Raises:
         GeometryError: A shape of unknown kind or with unusable numbers.
     """
-    touchable = [i for i, c in enumerate(colliders.colliders) if c.kind not in ("frame", "mesh")]
-    packed = [_packed(colliders.colliders[i]) for i in touchable]
+    touchable = [i for i, c in enumerate(colliders.colliders) if c.shape is not None]
+    shapes = [colliders.colliders[i] for i in touchable]
+    packed = [_size_and_bound(c) for c in shapes]
     size = np.array([size for size, _ in packed], dtype=np.float32).reshape(-1, 4)
     bound = np.array([bound for _, bound in packed], dtype=np.float64).reshape(-1, 7)
     longest = np.linalg.norm(bound[:, 3:6] - bound[:, :3], axis=1) + 2.0 * bound[:, 6]
-    kind = np.array([KINDS.index(colliders.colliders[i].kind) for i in touchable], np.int32)
-    box = np.zeros((len(kind), 6))
-    hulls, is_hull = _named(colliders, touchable, "hull")
-    grids, is_grid = _named(colliders, touchable, "sdf")
-    packed_hulls = packed_grids = None
-    if hulls:
-        T = None if T_world_rest is None else T_world_rest[touchable][is_hull]
-        packed_hulls = pack_hulls(
-            {name: (g["vertices"], g["faces"]) for name, g in hulls.items()},
-            None
-            if T is None
-            else partial(_buried, list(hulls.values()), T, _BURIED * longest.max()),
+    code = np.array([c.record.code for c in shapes], np.int32)
+    box = np.zeros((len(shapes), 6))
+    number = np.zeros(len(shapes), np.int32)
+    tables: dict[str, Any] = {}
+    for kind in KINDS.values():
+        mine = np.flatnonzero(code == kind.code)
+        if kind.shape is None or kind.shape.arrays is None or not len(mine):
+            continue
+        own = Own(
+            geometry={shapes[i].name: shapes[i].geometry for i in mine},
+            size=size,
+            longest=longest.max(),
+            T_world_rest=None if T_world_rest is None else T_world_rest[touchable][mine],
         )
-        box[is_hull] = _middle_and_half(packed_hulls.box)
-    if grids:
-        packed_grids = pack_grids(grids)
-        box[is_grid] = _middle_and_half(packed_grids.box)
+        tables[kind.shape.table], boxes = kind.shape.arrays(own)
+        number[mine] = np.arange(len(mine))
+        if boxes is not None:
+            box[mine] = _middle_and_half(boxes)
     return PackedShapes(
-        kind=kind,
+        kind=code,
         collider=np.array(touchable, dtype=np.int32),
         size=size,
-        hull=np.where(
-            is_hull, np.cumsum(is_hull) - 1, np.where(is_grid, np.cumsum(is_grid) - 1, 0)
-        ).astype(np.int32),
+        hull=number,
         bound=bound,
         box=box,
         longest=np.float32(longest.max(initial=0.0)),
-        radii=size[:, :3].copy() if (kind == KINDS.index("ellipsoid")).any() else None,
-        hulls=packed_hulls,
-        grids=packed_grids,
+        **tables,
     )
 
 
-def _buried(
-    hulls: list[Mapping[str, object]], T: FloatArray, way: float, planes: list[FloatArray]
-) -> list[NDArray[np.bool_]]:
-    """`buried_planes` of hulls at T [h, 4, 4], with planes in their own frames."""
-    known = np.asarray(np.isfinite(T).all(axis=(1, 2)))
-    there, corners = [], []
-    for hull, own, T_hull, is_known in zip(hulls, planes, T, known):
-        placed = np.zeros((0, 4))
-        if is_known:
-            normal = own[:, :3] @ T_hull[:3, :3].T
-            placed = np.column_stack([normal, own[:, 3] + normal @ T_hull[:3, 3]])
-        there.append(placed)
-        x = np.asarray(hull["vertices"], np.float64)
-        corners.append(transform_points(T_hull, x) if is_known else x)
-    return [
-        found if is_known else np.zeros(len(own), bool)
-        for found, own, is_known in zip(buried_planes(there, corners, way), planes, known)
-    ]
-
-
-def _named(
-    colliders: ColliderSet, touchable: list[int], kind: str
-) -> tuple[dict[str, Mapping[str, object]], NDArray[np.bool_]]:
-    """Geometry by name of the shapes of one kind, and which of the touchable ones they are."""
-    shapes = [colliders.colliders[i] for i in touchable]
-    own = [c.kind == kind for c in shapes]
-    return {c.name: c.geometry for c in shapes if c.kind == kind}, np.array(own, np.bool_)
+def _size_and_bound(collider: Collider) -> tuple[Size, tuple[float, ...]]:
+    """Size numbers and bounding capsule of a collider with a shape, in its own frame."""
+    shape, g = collider.shape, collider.geometry
+    try:
+        return (NO_SIZE, ()) if shape is None else (shape.size(g), shape.bound(g))
+    except (TypeError, ValueError, GeometryError) as error:
+        raise GeometryError(f"collider {collider.name!r}: {error}") from None
 
 
 def _middle_and_half(box: SingleArray) -> SingleArray:

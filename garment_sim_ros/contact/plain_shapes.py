@@ -6,6 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.contact.kinds.capsule import CAPSULE
+from garment_sim_ros.contact.kinds.ellipsoid import ELLIPSOID
+from garment_sim_ros.contact.kinds.hull import HULL
+from garment_sim_ros.contact.kinds.sphere import SPHERE
 from garment_sim_ros.contact.shapes import WORLD, Collider
 from garment_sim_ros.errors import GeometryError
 
@@ -17,7 +21,7 @@ _BOX_FACES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 
 
 
 def sphere(
-    radius: float, position: Vector = _ORIGIN, *, name: str = "sphere", bone: str = WORLD
+    radius: float, position: Vector = _ORIGIN, *, name: str = SPHERE.name, bone: str = WORLD
 ) -> Collider:
     """A sphere.
 
@@ -32,7 +36,7 @@ def sphere(
     """
     geometry = {"radius": _length("radius", radius)}
     return Collider(
-        name=name, kind="sphere", bone=bone, position=np.asarray(position), geometry=geometry
+        name=name, kind=SPHERE.name, bone=bone, position=np.asarray(position), geometry=geometry
     )
 
 
@@ -42,7 +46,7 @@ def capsule(
     radius: float,
     end_radius: float | None = None,
     *,
-    name: str = "capsule",
+    name: str = CAPSULE.name,
     bone: str = WORLD,
 ) -> Collider:
     """A capsule: a cylinder or cone with round ends.
@@ -65,7 +69,7 @@ def capsule(
     turn = np.array([-y, x, 0.0, 1.0 + z]) if z > -1.0 + 1e-12 else np.array([1.0, 0.0, 0.0, 0.0])
     return Collider(
         name=name,
-        kind="capsule",
+        kind=CAPSULE.name,
         bone=bone,
         position=start,
         orientation=turn / np.linalg.norm(turn),
@@ -82,7 +86,7 @@ def ellipsoid(
     position: Vector = _ORIGIN,
     orientation: Vector = _UNTURNED,
     *,
-    name: str = "ellipsoid",
+    name: str = ELLIPSOID.name,
     bone: str = WORLD,
 ) -> Collider:
     """An ellipsoid.
@@ -102,7 +106,7 @@ def ellipsoid(
         raise GeometryError(f"radii: found {len(lengths)} of them; allowed: 3")
     return Collider(
         name=name,
-        kind="ellipsoid",
+        kind=ELLIPSOID.name,
         bone=bone,
         position=np.asarray(position),
         orientation=np.asarray(orientation),
@@ -116,7 +120,7 @@ def hull(
     position: Vector = _ORIGIN,
     orientation: Vector = _UNTURNED,
     *,
-    name: str = "hull",
+    name: str = HULL.name,
     bone: str = WORLD,
 ) -> Collider:
     """A convex hull.
@@ -135,7 +139,7 @@ def hull(
     }
     return Collider(
         name=name,
-        kind="hull",
+        kind=HULL.name,
         bone=bone,
         position=np.asarray(position),
         orientation=np.asarray(orientation),

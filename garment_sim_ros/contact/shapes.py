@@ -14,27 +14,15 @@ from functools import cached_property
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.contact.kinds import KINDS
+from garment_sim_ros.contact.kinds.frame import FRAME
+from garment_sim_ros.contact.kinds.kind import Kind, Shape
 from garment_sim_ros.errors import GeometryError, MessageError
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_from
 
 WORLD = "world"
 """The bone that carries what no body carries; it stands still unless `ColliderSet.poses` is told
 otherwise."""
-
-KINDS: tuple[str, ...] = ("sphere", "capsule", "ellipsoid", "hull", "sdf", "mesh", "frame")
-"""Collider kinds, in the order of their numbers in packed arrays."""
-
-GEOMETRY_KEYS: Mapping[str, tuple[str, ...]] = {
-    "sphere": ("radius",),
-    "capsule": ("radius0", "radius1", "length"),
-    "ellipsoid": ("radii",),
-    "hull": ("vertices", "faces"),
-    "sdf": ("cell", "step", "distance"),
-    "mesh": ("vertices", "triangles", "frame", "weight", "bind"),
-    "frame": (),
-}
-"""Required geometry entries [m]; a capsule runs from z = 0 to z = length; for the sdf see
-`distance_grid`, for the mesh `contact.mesh.skinned`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,11 +31,11 @@ class Collider:
 
     Attributes:
         name: Unique within its set.
-        kind: One of `KINDS`.
+        kind: Name of one of `contact.kinds.KINDS`.
         bone: The rig joint that carries it.
         position: Origin of the collider's own frame in the bone's frame [m], shape [3].
         orientation: Unit quaternion (x, y, z, w) of that frame in the bone's frame, shape [4].
-        geometry: Shape in its own frame [m], keys as in `GEOMETRY_KEYS`; inflation included.
+        geometry: Shape in its own frame [m], keys as its kind has them; inflation included.
     """
 
     name: str
@@ -59,8 +47,10 @@ class Collider:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise GeometryError(f"collider {self.name!r}: kind {self.kind!r}; allowed: {KINDS}")
-        for key in GEOMETRY_KEYS.get(self.kind, ()):
+            raise GeometryError(
+                f"collider {self.name!r}: kind {self.kind!r}; allowed: {', '.join(KINDS)}"
+            )
+        for key in KINDS[self.kind].keys:
             if key not in self.geometry:
                 raise GeometryError(f"collider {self.name!r}: {self.kind} needs {key!r}")
         for label, value, size in (
@@ -74,6 +64,26 @@ class Collider:
                 )
             array.setflags(write=False)
             object.__setattr__(self, label, array)
+
+    @property
+    def record(self) -> Kind:
+        """What there is to know about its kind."""
+        return KINDS[self.kind]
+
+    @property
+    def shape(self) -> Shape | None:
+        """What its kind says about its rigid shape; None where it has none."""
+        return self.record.shape
+
+    @property
+    def is_frame(self) -> bool:
+        """Whether it is a place that others ride on, without a shape."""
+        return self.record.is_frame
+
+
+def frame_of(bone: str) -> Collider:
+    """The frame of a bone, ``frame_<bone>``: what attachments and skins ride on."""
+    return Collider(name=f"frame_{bone}", kind=FRAME.name, bone=bone)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,13 +130,9 @@ class ColliderSet:
                 number += 1
                 name = f"{shape.name}_{number}"
             named[name] = replace(shape, name=name)
-        has_frame = {c.bone for c in shapes if c.kind == "frame"}
+        has_frame = {c.bone for c in shapes if c.is_frame}
         bones = dict.fromkeys((WORLD, *(c.bone for c in shapes)))
-        frames = (
-            Collider(name=f"frame_{bone}", kind="frame", bone=bone)
-            for bone in bones
-            if bone not in has_frame
-        )
+        frames = (frame_of(bone) for bone in bones if bone not in has_frame)
         return cls(colliders=(*frames, *named.values()), thickness=thickness)
 
     def poses(self, T_world_bone: Mapping[str, FloatArray] | None = None) -> "ColliderPoses":
@@ -165,7 +171,12 @@ class ColliderSet:
 
         Sets that are fitted to a body begin their frames with that of its hips.
         """
-        return next((i for i, c in enumerate(self.colliders) if c.kind == "frame"), 0)
+        return next((i for i, c in enumerate(self.colliders) if c.is_frame), 0)
+
+    @cached_property
+    def has_skin(self) -> bool:
+        """Whether its shape is the skin itself, see `contact.mesh`."""
+        return any(c.record.is_skin for c in self.colliders)
 
     @property
     def revision(self) -> str:

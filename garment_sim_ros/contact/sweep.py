@@ -16,7 +16,6 @@ for good. Whether there are such pairs is known from the shapes' motion and a bo
 of particles, so that steps without fast limbs cost next to nothing.
 """
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +23,6 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import SingleArray
 from garment_sim_ros.contact.distance import shape_distance
-from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.contact.packed import PackedShapes
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.contact.sides import UNDER
@@ -60,37 +58,14 @@ class Sweep(NamedTuple):
     @classmethod
     def of(cls, colliders: ColliderSet, shapes: PackedShapes) -> "Sweep":
         """For the shapes of a set."""
-        radii = [
-            _inner_radius(c.kind, c.geometry)
-            for c in (colliders.colliders[i] for i in shapes.collider)
-        ]
+        met = (colliders.colliders[i] for i in shapes.collider)
+        radii = [c.shape.inscribed_radius(c.geometry) for c in met if c.shape is not None]
         m = len(radii)
         return cls(
             inner_radius=np.maximum(np.array(radii, np.float32), _THINNEST * shapes.longest),
             fast=np.zeros(2 * m + 2, np.int32),
             spread=np.zeros(m + 1, np.float32),
         )
-
-
-def _inner_radius(kind: str, geometry: Mapping[str, object]) -> float:
-    """Radius of a ball that fits into a shape [m]; 0 where that is not known."""
-    if kind == "sphere":
-        return float(geometry["radius"])  # type: ignore[arg-type]
-    if kind == "capsule":
-        return min(float(geometry["radius0"]), float(geometry["radius1"]))  # type: ignore[arg-type]
-    if kind == "ellipsoid":
-        return float(np.min(np.asarray(geometry["radii"], np.float64)))
-    if kind == "hull":
-        vertices = np.asarray(geometry["vertices"], np.float64)
-        a, b, c = (vertices[np.asarray(geometry["faces"])[:, k]] for k in range(3))
-        normal = np.cross(b - a, c - a)
-        length = np.linalg.norm(normal, axis=1)
-        height = np.einsum("fi,fi->f", a - vertices.mean(axis=0), normal)[length > 0.0]
-        return max(float((height / length[length > 0.0]).min()), 0.0) if len(height) else 0.0
-    if kind == "sdf":
-        grid = DistanceGrid.of(geometry)
-        return max(-float(grid.distance.min()) * grid.step, 0.0)
-    return 0.0
 
 
 @lean_kernel(inner=True)

@@ -185,5 +185,5 @@ class Garment:
 
 def without_bones(colliders: ColliderSet, bones: Sequence[str]) -> ColliderSet:
     """A set without the shapes on some bones; frames stay."""
-    kept = (c for c in colliders.colliders if c.kind == "frame" or c.bone not in bones)
+    kept = (c for c in colliders.colliders if c.is_frame or c.bone not in bones)
     return replace(colliders, colliders=tuple(kept))

@@ -28,7 +28,7 @@ def draw_fit(body: Body, colliders: ColliderSet, path: Path) -> None:
     for collider, position, orientation in zip(
         colliders.colliders, poses.position, poses.orientation
     ):
-        if collider.kind not in ("frame", "mesh"):
+        if collider.shape is not None:
             vertices, triangles = surface(collider)
             vertices = vertices @ matrix_from_quaternion(orientation).T + position
             color = _color(len(fitted), 0.6)

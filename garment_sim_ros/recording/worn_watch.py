@@ -16,6 +16,7 @@ from garment_sim_ros.arrays import FloatArray, SingleArray
 from garment_sim_ros.body.skin import Body, Skin
 from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.colliders.skin_from_poses import SkinFromPoses
+from garment_sim_ros.contact.kinds.hull import HULL
 from garment_sim_ros.contact.pierced import PiercedSoFar
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GarmentSimError
@@ -162,7 +163,7 @@ def warm_up() -> None:
     faces.setflags(write=False)  # as those of garments are
     hull = {"vertices": corners, "faces": faces}
     colliders = ColliderSet(
-        colliders=tuple(Collider(name=n, kind="hull", bone=n, geometry=hull) for n in "ab")
+        colliders=tuple(Collider(name=n, kind=HULL.name, bone=n, geometry=hull) for n in "ab")
     )
     poses = ColliderPoses.identity(2)
     PiercedSoFar(colliders, ["scrap"]).add(poses, {"scrap": (corners.astype(np.float32), faces)})

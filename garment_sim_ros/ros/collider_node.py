@@ -177,7 +177,7 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         )
         for note in body.notes:
             self.get_logger().info(f"{body.name}: {note}")
-        shapes = sum(c.kind != "frame" for c in colliders.colliders)
+        shapes = sum(not c.is_frame for c in colliders.colliders)
         self.get_logger().info(f"{body.name}: {shapes} colliders on {len(body.rig)} joints")
         # Compiles what the callbacks will run.
         poses = avatar.poser.poses(np.tile(np.eye(4), (len(body.rig), 1, 1)))

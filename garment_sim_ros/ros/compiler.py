@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from garment_sim_ros.colliders.fitting import METHODS
 from garment_sim_ros.errors import GarmentSimError
 from garment_sim_ros.garment.outfit_file import OutfitFile
-from garment_sim_ros.params import ColliderOptions
 from garment_sim_ros.sim.compile_ahead import compile_ahead
 from garment_sim_ros.sim.model import Parameters
-from garment_sim_ros.sim.warm_up import REFITTED, Features, Scene, warm_up
+from garment_sim_ros.sim.warm_up import Features, Scene, warm_up
 
 
 class Compiler:
@@ -91,7 +91,7 @@ def expected_scene(file: OutfitFile) -> Scene:
     It is what the scene comes to be on a body of common shape: then nothing is left to compile.
     """
     return Scene(
-        kinds=_kinds(file.colliders),
+        kinds=frozenset(METHODS[file.colliders.method].variants(file.colliders)),
         garments=frozenset(
             Features(
                 # Where the file names none, they are most often in layers.
@@ -108,16 +108,6 @@ def expected_scene(file: OutfitFile) -> Scene:
             for number, entry in enumerate(file.garments)
         ),
     )
-
-
-def _kinds(options: ColliderOptions) -> frozenset[str]:
-    """Kinds of the colliders that options ask for."""
-    kind = options.method.removesuffix("s")
-    beside = {
-        "ellipsoid": {REFITTED} if options.refit else set(),
-        "hull": {"sphere"} if options.joints != "none" else set(),
-    }
-    return frozenset({kind} | beside.get(kind, set()))
 
 
 def _choice(parameters: Parameters) -> tuple[Any, ...]:

@@ -66,9 +66,8 @@ class ColliderMarkers:
 
 def _shape(marker: Marker, collider: Collider) -> None:
     scale = marker.scale
-    if collider.kind in ("sphere", "ellipsoid"):
-        key = "radius" if collider.kind == "sphere" else "radii"
-        radii = np.broadcast_to(np.asarray(collider.geometry[key], dtype=np.float64), 3)
+    if collider.shape is not None and collider.shape.radii is not None:
+        radii = collider.shape.radii(collider.geometry)
         marker.type = Marker.SPHERE
         scale.x, scale.y, scale.z = (2.0 * float(r) for r in radii)
         return

@@ -21,7 +21,7 @@ def account(simulation: Simulation) -> dict[str, Any]:
         not take as the material has it.
     """
     environment = simulation.parameters.environment
-    kinds = [c.kind for c in simulation.collider_set.colliders if c.kind != "frame"]
+    kinds = [c.kind for c in simulation.collider_set.colliders if not c.is_frame]
     shapes = ", ".join(f"{kinds.count(kind)} {kind}" for kind in sorted(set(kinds)))
     layers = sorted({simulation.layer(name) for name in simulation.names})
     friction = any(simulation.model(name).material.friction > 0.0 for name in simulation.names)

@@ -74,7 +74,6 @@ class ColliderState:
         n = len(colliders)
         shapes = pack(colliders, T_world_rest)
         posed = PosedShapes.room_for(shapes)
-        has_skin = any(c.kind == "mesh" for c in colliders.colliders)
         return cls(
             shapes=shapes,
             start=ColliderPoses.identity(n),
@@ -90,7 +89,7 @@ class ColliderState:
             since=posed._replace(carry=np.zeros_like(posed.carry)),
             sweep=Sweep.of(colliders, shapes),
             refit=EllipsoidRefit(colliders, shapes),
-            skin=SkinContact(colliders) if has_skin else None,
+            skin=SkinContact(colliders) if colliders.has_skin else None,
         )
 
     def pose(self) -> None:

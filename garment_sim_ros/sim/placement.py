@@ -134,7 +134,7 @@ def find_frames(garment: str, names: tuple[str, ...], colliders: ColliderSet) ->
     by_bone: dict[str, int] = {}
     for i, c in enumerate(colliders.colliders):
         if c.bone not in by_bone or (
-            c.kind == "frame" and colliders.colliders[by_bone[c.bone]].kind != "frame"
+            c.is_frame and not colliders.colliders[by_bone[c.bone]].is_frame
         ):
             by_bone[c.bone] = i
     missing = [n for n in names if n not in by_bone and n not in by_name]

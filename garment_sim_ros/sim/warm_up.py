@@ -11,40 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.contact.kinds import KINDS
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet, frame_of
 from garment_sim_ros.geometry.sheet import sheet
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.placement import GarmentLike, SoftAttachments
 from garment_sim_ros.sim.simulation import Simulation
 
-_CORNERS = 0.1 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-_FACES = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
-_GRID = np.full((3, 3, 3), 50, np.int16)
-_GRID[1, 1, 1] = -50
-REFITTED = "refitted ellipsoid"
-"""An ellipsoid that is fitted again in every pose, see `contact.ellipsoid_refit`."""
-_GEOMETRY: dict[str, dict[str, object]] = {
-    "sphere": {"radius": 0.1},
-    "capsule": {"radius0": 0.1, "radius1": 0.1, "length": 0.1},
-    "ellipsoid": {"radii": np.full(3, 0.1)},
-    REFITTED: {
-        "radii": np.full(3, 0.1),
-        "frames": np.zeros(1, np.int64),
-        "points": 0.1 * np.array([np.indices((2, 2, 2)).reshape(3, -1).T - 0.5]),
-        "weights": np.ones((1, 8)),
-        "inflation": 0.001,
-    },
-    "hull": {"vertices": _CORNERS, "faces": _FACES},
-    "sdf": {"cell": 0.1, "step": 1e-3, "distance": _GRID},
-    "mesh": {
-        "vertices": _CORNERS,
-        "triangles": _FACES,
-        "frame": np.zeros((4, 1)),
-        "weight": np.ones((4, 1)),
-        "bind": np.eye(4)[None, :3],
-    },
+_EXAMPLES = {
+    variant: (kind, geometry)
+    for kind in KINDS.values()
+    for variant, geometry in kind.variants.items()
 }
+"""Kind and geometry of an example of every variant of collider."""
 
 
 @dataclass(frozen=True, order=True, kw_only=True)
@@ -91,7 +71,7 @@ class Scene:
     """What decides which code a simulation runs, besides its solver and parameters.
 
     Attributes:
-        kinds: Kinds of the colliders; `REFITTED` stands for ellipsoids that change with the pose.
+        kinds: Variants of the colliders, see `contact.kinds.kind.Kind`.
         garments: Features of the garments.
     """
 
@@ -103,9 +83,8 @@ class Scene:
         """Of garments on colliders."""
         return cls(
             kinds=frozenset(
-                REFITTED if "points" in c.geometry else c.kind for c in colliders.colliders
-            )
-            - {"frame"},
+                c.record.variant_of(c.geometry) for c in colliders.colliders if not c.is_frame
+            ),
             garments=frozenset(Features.of(garment) for garment in garments),
         )
 
@@ -124,10 +103,10 @@ def warm_up(scene: Scene, solver: str = "xpbd", parameters: Parameters | None = 
     garments: list[Any] = [_scrap(f"scrap{i}", f) for i, f in enumerate(sorted(scene.garments))]
     kinds = sorted(scene.kinds)
     shapes = [_collider(kind, kind, "bone") for kind in kinds]
-    passing = [kind for kind in kinds if kind != "mesh"]
+    passing = [kind for kind in kinds if not _EXAMPLES[kind][0].is_skin]
     if passing and any(f.passed for f in scene.garments):
         shapes.append(_collider("passing", passing[0], "passing"))
-    frame = Collider(name="frame", kind="frame", bone="bone")
+    frame = frame_of("bone")
     simulation = Simulation(
         garments,
         ColliderSet(colliders=(frame, *shapes)),
@@ -149,9 +128,9 @@ def warm_up(scene: Scene, solver: str = "xpbd", parameters: Parameters | None = 
         simulation.normals(name)
 
 
-def _collider(name: str, kind: str, bone: str) -> Collider:
-    of_set = "ellipsoid" if kind == REFITTED else kind
-    return Collider(name=name, kind=of_set, bone=bone, geometry=_GEOMETRY[kind])
+def _collider(name: str, variant: str, bone: str) -> Collider:
+    kind, geometry = _EXAMPLES[variant]
+    return Collider(name=name, kind=kind.name, bone=bone, geometry=geometry)
 
 
 def _scrap(name: str, features: Features) -> SimpleNamespace:

@@ -11,6 +11,10 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray
+from garment_sim_ros.contact.kinds.capsule import CAPSULE
+from garment_sim_ros.contact.kinds.frame import FRAME
+from garment_sim_ros.contact.kinds.hull import HULL
+from garment_sim_ros.contact.kinds.sphere import SPHERE
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion, quaternion_multiply
@@ -119,17 +123,17 @@ def box(name: str, half: tuple[float, float, float]) -> Collider:
     faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     triangles = [[f[0], f[i], f[i + 1]] for f in faces for i in (1, 2)]
     geometry = {"vertices": corners, "faces": np.array(triangles, np.int32)}
-    return Collider(name=name, kind="hull", bone=name, geometry=geometry)
+    return Collider(name=name, kind=HULL.name, bone=name, geometry=geometry)
 
 
 def ball(name: str, radius: float) -> Collider:
     """A sphere on a bone of its own."""
-    return Collider(name=name, kind="sphere", bone=name, geometry={"radius": radius})
+    return Collider(name=name, kind=SPHERE.name, bone=name, geometry={"radius": radius})
 
 
 def worn_on(*shapes: Collider) -> ColliderSet:
     """Shapes after the frame of the bone called ``bone``."""
-    return ColliderSet(colliders=(Collider(name="bone", kind="frame", bone="bone"), *shapes))
+    return ColliderSet(colliders=(Collider(name="bone", kind=FRAME.name, bone="bone"), *shapes))
 
 
 def moving(count: int, *tracks: Callable[[float, ColliderPoses], None]) -> Motion:
@@ -260,7 +264,9 @@ def sleeve(radius: float = 0.05) -> tuple[Garment, ColliderSet, Motion]:
     geometry = {"radius0": radius, "radius1": radius, "length": length}
     # A capsule lies along its own z axis.
     along_x = np.array([0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)])
-    arm = Collider(name="arm", kind="capsule", bone="bone", orientation=along_x, geometry=geometry)
+    arm = Collider(
+        name="arm", kind=CAPSULE.name, bone="bone", orientation=along_x, geometry=geometry
+    )
 
     def carried(t: float, poses: ColliderPoses) -> None:
         poses.orientation[1] = along_x

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from garment_sim_ros.colliders.hulls.hull import convex_hull
 from garment_sim_ros.contact.collide import Contacts, collide
 from garment_sim_ros.contact.kinds.buried_faces import buried_planes
-from garment_sim_ros.contact.kinds.hull import hull_distance, hull_planes, pack_hulls
+from garment_sim_ros.contact.kinds.hull import hull_distance
+from garment_sim_ros.contact.kinds.packed_hulls import hull_planes, pack_hulls
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.contact.sides import OPPOSED, UNDER, Sides

@@ -11,12 +11,8 @@ from scipy.spatial.transform import Rotation
 from garment_sim_ros.colliders.hulls.hull import convex_hull
 from garment_sim_ros.contact.collide import Contacts, collide
 from garment_sim_ros.contact.kinds.face_grid import face_grid
-from garment_sim_ros.contact.kinds.hull import (
-    hull_bound,
-    hull_distance,
-    hull_planes,
-    pack_hulls,
-)
+from garment_sim_ros.contact.kinds.hull import hull_distance
+from garment_sim_ros.contact.kinds.packed_hulls import hull_bound, hull_planes, pack_hulls
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.contact.sides import Sides

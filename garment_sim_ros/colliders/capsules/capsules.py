@@ -14,7 +14,9 @@ from garment_sim_ros.body.major_bones import MajorBones, major_bones
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.capsules.capsule_fit import refine, slabs, union_distance
 from garment_sim_ros.colliders.regions import bone_weights, vertex_areas, vertex_normals
-from garment_sim_ros.contact.shapes import Collider, ColliderSet
+from garment_sim_ros.contact.kinds.capsule import CAPSULE
+from garment_sim_ros.contact.kinds.sphere import SPHERE
+from garment_sim_ros.contact.shapes import Collider, ColliderSet, frame_of
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
@@ -79,7 +81,7 @@ def frame_colliders(bones: MajorBones) -> tuple[Collider, ...]:
     That of the body's root is the first, see `ColliderSet.root`.
     """
     names = dict.fromkeys((bones.root, *bones.names))
-    return tuple(Collider(name=f"frame_{name}", kind="frame", bone=name) for name in names)
+    return tuple(frame_of(name) for name in names)
 
 
 def _fit(body: Body, delta: float, thickness: float, *, spheres: bool) -> ColliderSet:
@@ -218,7 +220,9 @@ def _collider(
     p0, p1 = transform_points(T_bone_bind, capsule[:6].reshape(2, 3))
     r0, r1 = float(capsule[6]), float(capsule[7])
     if sphere:
-        return Collider(name=name, kind="sphere", bone=bone, position=p0, geometry={"radius": r0})
+        return Collider(
+            name=name, kind=SPHERE.name, bone=bone, position=p0, geometry={"radius": r0}
+        )
     length = float(np.linalg.norm(p1 - p0))
     z = (p1 - p0) / length if length > 1e-9 else np.array([0.0, 0.0, 1.0])
     x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
@@ -226,7 +230,7 @@ def _collider(
     orientation = quaternion_from_matrix(np.column_stack([x, np.cross(z, x), z]))
     return Collider(
         name=name,
-        kind="capsule",
+        kind=CAPSULE.name,
         bone=bone,
         position=p0,
         orientation=orientation,

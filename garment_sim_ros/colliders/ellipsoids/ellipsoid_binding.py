@@ -20,6 +20,7 @@ from garment_sim_ros.colliders.capsules.capsules import frame_colliders
 from garment_sim_ros.colliders.ellipsoids.ellipsoids import EllipsoidFit, ellipsoids_around
 from garment_sim_ros.colliders.range_of_motion import joint_rotations
 from garment_sim_ros.colliders.regions import bone_weights
+from garment_sim_ros.contact.kinds.ellipsoid import ELLIPSOID
 from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.mvee import mvee
@@ -83,7 +84,7 @@ def ellipsoid_colliders(body: Body, fit: EllipsoidFit, delta: float) -> list[Col
         colliders.append(
             Collider(
                 name=f"{fit.region[i]}_{i}",
-                kind="ellipsoid",
+                kind=ELLIPSOID.name,
                 bone=bones.names[m],
                 position=transform_points(T_bone_bind, e.centre[None])[0],
                 orientation=quaternion_from_matrix(T_bone_bind[:3, :3] @ e.axes),

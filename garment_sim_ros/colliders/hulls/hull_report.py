@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.colliders.hulls.hulls import HullFit
-from garment_sim_ros.contact.kinds.hull import pack_hulls
+from garment_sim_ros.contact.kinds.hull import HULL
+from garment_sim_ros.contact.kinds.packed_hulls import pack_hulls
 
 
 def hull_report(fit: HullFit) -> dict[str, dict[str, Any]]:
@@ -20,7 +21,7 @@ def hull_report(fit: HullFit) -> dict[str, dict[str, Any]]:
     report: dict[str, dict[str, Any]] = {}
     for shape, collider in zip(fit.shapes, fit.colliders.colliders):
         report[shape.name] = {"kind": shape.kind, "note": shape.note}
-        if shape.kind != "hull":
+        if shape.kind != HULL.name:
             continue
         g = collider.geometry
         lists = np.diff(pack_hulls({shape.name: (g["vertices"], g["faces"])}).start)

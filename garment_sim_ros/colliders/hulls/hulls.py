@@ -42,6 +42,9 @@ from garment_sim_ros.colliders.joint_shapes import (
     needed_radius,
 )
 from garment_sim_ros.colliders.regions import Regions, region_surface, skin_regions
+from garment_sim_ros.contact.kinds.capsule import CAPSULE
+from garment_sim_ros.contact.kinds.hull import HULL
+from garment_sim_ros.contact.kinds.sphere import SPHERE
 from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
@@ -168,7 +171,7 @@ def _hulls_of_region(
             inner = convex_hull(points)
         except GeometryError as error:
             capsule = _capsule_around(name, bone, points, settings.delta, T_bone_bind)
-            shape = ShapeFit(name=name, kind="capsule", note=f"no hull: {error}")
+            shape = ShapeFit(name=name, kind=CAPSULE.name, note=f"no hull: {error}")
             yield _OfRegion(m, capsule, shape, None)
             continue
         hull = _fitted(inner, points, settings)
@@ -217,7 +220,7 @@ def _figures(name: str, inner: Hull, hull: Hull, points: FloatArray, note: str =
     gained = clearance(hull, inner)
     return ShapeFit(
         name=name,
-        kind="hull",
+        kind=HULL.name,
         faces_before=len(inner.faces),
         faces=len(hull.faces),
         volume_before=inner.volume,
@@ -268,7 +271,7 @@ def _all(of: Callable[[_T], Iterable[_S]], items: Iterable[_T]) -> list[_S]:
 
 def _inflated(collider: Collider, delta: float) -> Collider:
     """A sphere with a larger radius; hulls have their delta."""
-    if collider.kind != "sphere":
+    if collider.kind != SPHERE.name:
         return collider
     radius = float(collider.geometry["radius"]) + delta  # type: ignore[arg-type]
     return replace(collider, geometry={**collider.geometry, "radius": radius})
@@ -287,12 +290,12 @@ def _joint_sphere(
     T_bone_bind = body.skin.T_bone_bind[regions.joint[joint.region]]
     sphere = Collider(
         name=f"joint_{bone}",
-        kind="sphere",
+        kind=SPHERE.name,
         bone=bone,
         position=transform_points(T_bone_bind, centre[None])[0],
         geometry={"radius": radius, "share": SHARE},
     )
-    return sphere, ShapeFit(name=sphere.name, kind="sphere", note=_opening(SHARE, height, own))
+    return sphere, ShapeFit(name=sphere.name, kind=SPHERE.name, note=_opening(SHARE, height, own))
 
 
 def _opening(share: float, height: FloatArray, own: FloatArray) -> str:
@@ -330,7 +333,7 @@ def _collider(
         geometry["share"] = share
     return Collider(
         name=name,
-        kind="hull",
+        kind=HULL.name,
         bone=bone,
         position=transform_points(T_bone_bind, box.centre[None])[0],
         orientation=quaternion_from_matrix(T_bone_bind[:3, :3] @ box.axes),
@@ -353,7 +356,7 @@ def _capsule_around(
     start = middle + along.min() * z
     return Collider(
         name=name,
-        kind="capsule",
+        kind=CAPSULE.name,
         bone=bone,
         position=transform_points(T_bone_bind, start[None])[0],
         orientation=quaternion_from_matrix(T_bone_bind[:3, :3] @ frame),

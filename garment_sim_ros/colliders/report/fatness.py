@@ -110,7 +110,7 @@ def fatness(
         outside the skin; ``volume_excess``, the union's volume over the skin's, less one; under
         ``shapes`` the ``to_skin_mm_mean`` and ``_max`` of each that the union's surface shows.
     """
-    if any(c.kind == "mesh" for c in colliders.colliders):  # the skin itself
+    if colliders.has_skin:  # the skin itself
         return {**dict.fromkeys(_FIGURES, 0.0), "shapes": {}}
     union = Union(colliders, poses)
     points, on = union.samples()

@@ -15,7 +15,6 @@ from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.regions import bone_weights, vertex_areas
 from garment_sim_ros.colliders.report.fatness import fatness
 from garment_sim_ros.colliders.report.surfaces import surface
-from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import invert_transform, transform_from, transform_points
@@ -72,16 +71,18 @@ def skin_distance(body: Body, colliders: ColliderSet) -> FloatArray:
     """
     T_world_bone = np.asarray(np.linalg.inv(body.skin.T_bone_bind), np.float64)
     poses = ColliderPoser(colliders, body).poses(T_world_bone)
-    if any(c.kind == "mesh" for c in colliders.colliders):  # the skin itself
+    if colliders.has_skin:  # the skin itself
         return np.zeros(len(body.skin.vertices))
     T_world_collider = transform_from(poses.position, poses.orientation)
     distance = np.full(len(body.skin.vertices), np.inf)
     for collider, T in zip(colliders.colliders, T_world_collider):
-        if collider.kind == "sdf":
+        if collider.shape is None:
+            continue
+        if collider.shape.distance is not None:
             local = transform_points(invert_transform(T), body.skin.vertices)
-            own = DistanceGrid.of(collider.geometry).value(local)
+            own = collider.shape.distance(collider.geometry, local)
             distance = np.minimum(distance, own)
-        elif collider.kind != "frame":
+        else:
             vertices, triangles = surface(collider, directions=_DIRECTIONS)
             mesh = MeshDistance(transform_points(T, vertices), triangles)
             distance = np.minimum(distance, mesh.signed_distance(body.skin.vertices)[0])

@@ -1,4 +1,4 @@
-"""Signed distance of a point to an ellipsoid, and the nearest point of its surface.
+"""The kind ``ellipsoid``: its axes along those of its frame.
 
 The nearest point to p has the coordinates ``r_i^2 p_i / (t + r_i^2)``, where t is the largest root
 of ``sum (r_i p_i / (t + r_i^2))^2 = 1`` (Eberly, "Distance from a point to an ellipse, an
@@ -7,19 +7,42 @@ Newton's method on its inverse (as in More & Sorensen 1983 for trust regions) ne
 from one side.
 """
 
+import math
+
 import numpy as np
 from numba import types
 from numba.extending import overload
 
+from garment_sim_ros.arrays import FloatArray, SingleArray
+from garment_sim_ros.contact.block import DISTANCE, X, Y, Z, higher
+from garment_sim_ros.contact.kinds.entries import Entries
+from garment_sim_ros.contact.kinds.kind import (
+    Core,
+    Geometry,
+    Kind,
+    Own,
+    Shape,
+    Size,
+    Surface,
+    numbers,
+)
+from garment_sim_ros.contact.kinds.round_surface import convex_surface, directions
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.locality import BLOCK
 from garment_sim_ros.jit import lean_kernel
 
 _STEPS = 12
 _NUDGE = 1e-4
 """Points closer to a plane of symmetry than this share of the radius are taken to be off it."""
+REFITTED = "refitted ellipsoid"
+"""The variant that is fitted again in every pose, see `contact.ellipsoid_refit`."""
+REFIT_KEYS = ("frames", "points", "weights", "inflation")
+"""Geometry entries of such an ellipsoid: indices of the set's frames that carry it, shape [b]; its
+points in each of these frames [m], shape [b, n, 3]; their weights, shape [b, n]; and what is added
+to the radii around them [m]."""
 
 
-def ellipsoid_size(radii: object) -> tuple[float, float, float, float]:
+def ellipsoid_size(radii: object) -> Size:
     """Size numbers of an ellipsoid: the radii along x, y and z [m], and zero.
 
     Raises:
@@ -151,3 +174,127 @@ def _compiled_ellipsoid_distance_if_any(shapes, posed, k, qx, qy, qz, reach):
     return lambda shapes, posed, k, qx, qy, qz, reach: ellipsoid_distance(
         shapes, posed, k, qx, qy, qz, reach
     )
+
+
+@lean_kernel()
+def ellipsoid_distances(shapes, posed, k, block):
+    """Raises the lower bounds in `DISTANCE` that shape k, an ellipsoid, has of its capsule.
+
+    Scaled to a unit ball, a point at s from its centre is |s - 1| from it. No direction is
+    scaled to less than the shortest radius, nor to more than the longest.
+    """
+    one = np.float32(1.0)
+    cx = posed.centre[k, 0]
+    cy = posed.centre[k, 1]
+    cz = posed.centre[k, 2]
+    rx = shapes.radii[k, 0]
+    ry = shapes.radii[k, 1]
+    rz = shapes.radii[k, 2]
+    shortest = min(rx, ry, rz)
+    longest = max(rx, ry, rz)
+    u0 = posed.rotation[k, 0, 0] / rx
+    u1 = posed.rotation[k, 1, 0] / rx
+    u2 = posed.rotation[k, 2, 0] / rx
+    v0 = posed.rotation[k, 0, 1] / ry
+    v1 = posed.rotation[k, 1, 1] / ry
+    v2 = posed.rotation[k, 2, 1] / ry
+    w0 = posed.rotation[k, 0, 2] / rz
+    w1 = posed.rotation[k, 1, 2] / rz
+    w2 = posed.rotation[k, 2, 2] / rz
+    for p in range(BLOCK):
+        qx = block[X + p] - cx
+        qy = block[Y + p] - cy
+        qz = block[Z + p] - cz
+        u = u0 * qx + u1 * qy + u2 * qz
+        v = v0 * qx + v1 * qy + v2 * qz
+        w = w0 * qx + w1 * qy + w2 * qz
+        over = np.sqrt(u * u + v * v + w * w) - one
+        bound = over * (shortest if over > np.float32(0.0) else longest)
+        block[DISTANCE + p] = higher(block[DISTANCE + p], bound)
+
+
+def ellipsoid_distances_if_any(shapes, posed, k, block):
+    """As `ellipsoid_distances`; nothing where ``shapes.radii`` is None."""
+    if shapes.radii is not None:
+        ellipsoid_distances(shapes, posed, k, block)
+
+
+@overload(ellipsoid_distances_if_any, inline="always")
+def _compiled_ellipsoid_distances_if_any(shapes, posed, k, block):
+    if isinstance(shapes.types[shapes.fields.index("radii")], types.NoneType):
+        return lambda shapes, posed, k, block: None
+    return lambda shapes, posed, k, block: ellipsoid_distances(shapes, posed, k, block)
+
+
+def _parse(entries: Entries) -> dict[str, object]:
+    radii = entries.vector("radii", 3)
+    if radii.min() <= 0.0:
+        entries.refuse("radii must be positive")
+    if "points" in entries:
+        entries.only(("radii", *REFIT_KEYS))
+    return {"radii": radii, **{k: entries.array(k) for k in REFIT_KEYS if k in entries}}
+
+
+def _radii(geometry: Geometry) -> FloatArray:
+    return numbers(geometry, "radii")
+
+
+def _size(geometry: Geometry) -> Size:
+    return ellipsoid_size(geometry["radii"])
+
+
+def _bound(geometry: Geometry) -> tuple[float, ...]:
+    return ellipsoid_bound(_size(geometry))
+
+
+def _shortest(geometry: Geometry) -> float:
+    return float(_radii(geometry).min())
+
+
+def _surface(geometry: Geometry, points: int, finest: float) -> Surface:
+    return convex_surface(directions(points) * _radii(geometry))
+
+
+def _core(geometry: Geometry, share: float) -> Core:
+    radii = _radii(geometry)
+    half = share * radii.max() * np.eye(3)[int(radii.argmax())]
+    return Core(np.stack([-half, half]), float(radii.min()) * math.sqrt(1.0 - share**2))
+
+
+def _arrays(own: Own) -> tuple[SingleArray, None]:
+    return own.size[:, :3].copy(), None
+
+
+def _variant(geometry: Geometry) -> str:
+    return REFITTED if "points" in geometry else "ellipsoid"
+
+
+ELLIPSOID = Kind(
+    name="ellipsoid",
+    code=2,
+    keys=("radii",),
+    optional=REFIT_KEYS,
+    parse=_parse,
+    shape=Shape(
+        size=_size,
+        bound=_bound,
+        inscribed_radius=_shortest,
+        surface=_surface,
+        table="radii",
+        arrays=_arrays,
+        core=_core,
+        radii=_radii,
+    ),
+    variants={
+        "ellipsoid": {"radii": np.array([0.1, 0.06, 0.08])},
+        REFITTED: {
+            "radii": np.full(3, 0.1),
+            "frames": np.zeros(1, np.int64),
+            "points": 0.1 * np.array([np.indices((2, 2, 2)).reshape(3, -1).T - 0.5]),
+            "weights": np.ones((1, 8)),
+            "inflation": 0.001,
+        },
+    },
+    variant=_variant,
+)
+"""Size: the radii along x, y and z."""

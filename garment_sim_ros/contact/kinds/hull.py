@@ -1,198 +1,39 @@
-"""Point against convex hull: the signed distance to its planes, from a grid of candidates.
+"""The kind ``hull``: convex, given by its corners and outward triangles.
+
+A point's distance is the signed one to its planes, from a grid of candidates.
 
 Inside, the distance is exact, but for faces that lie inside other hulls, see `buried_faces`: there
 is no way out through them. Outside it is that to the nearest face's plane, as if faces were moved
 out: less than the true distance off edges and corners.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
-from typing import NamedTuple
+from functools import partial
 
 import numpy as np
 from numba import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
-from garment_sim_ros.contact.kinds.face_grid import FaceGrid, face_grid
-from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.contact.kinds.buried_faces import buried_planes
+from garment_sim_ros.contact.kinds.entries import Entries
+from garment_sim_ros.contact.kinds.kind import (
+    NO_SIZE,
+    Cloud,
+    Geometry,
+    Kind,
+    Own,
+    Shape,
+    Size,
+    Surface,
+    numbers,
+)
+from garment_sim_ros.contact.kinds.packed_hulls import PackedHulls, hull_bound, pack_hulls
+from garment_sim_ros.geometry.transforms import transform_points
 from garment_sim_ros.jit import lean_kernel
 
-_AROUND = 0.025
-"""How far out the grids know distances, as a share of the largest hull: 1 cm on a human's trunk.
-Beyond, all planes are asked."""
-_FAR = 1e30
-_OVERLAP = 0.1
-"""How far beyond a cell of the grids its list of planes holds, too, as a share of the cell."""
-
-
-class PackedHulls(NamedTuple):
-    """Hulls as flat arrays.
-
-    Planes stand in fours, so that four heights are found at once: four normals' x, y and z, the
-    offsets, and how much farther away planes are for points below them, which is nothing or, where
-    they are buried, very much. Lists that do not fill their last four end with planes that all is
-    far below.
-
-    Attributes:
-        plane: The planes, flat: lists of the cells, hull by hull, and then whole hulls.
-        first: Where each hull's planes start among the fours, one more at the end, shape [h + 1].
-        box: Lowest and highest corner of each hull [m], shape [h, 6].
-        grid: Lowest corner of each hull's grid [m], and cells per length, shape [h, 6].
-        cells: Cells along each axis, shape [h, 3].
-        first_cell: Where each hull's cells start in `start`, shape [h].
-        start: Where each cell's list starts among the fours, one more per hull, shape
-            [all cells + h].
-        around: How far out the grids know distances [m].
-        overlap: How far beyond a cell of each hull its list holds, too [m], shape [h].
-    """
-
-    plane: SingleArray
-    first: IntArray
-    box: SingleArray
-    grid: SingleArray
-    cells: IntArray
-    first_cell: IntArray
-    start: IntArray
-    around: np.float32
-    overlap: SingleArray
-
-
-def _in_fours(
-    planes: FloatArray, lists: IntArray, start: IntArray
-) -> tuple[SingleArray, IntArray]:
-    """Lists of planes, each padded to whole fours; and where each of the lists starts.
-
-    An empty list becomes four planes that everything is far above.
-    """
-    length = np.diff(start)
-    fours = np.maximum(-(-length // 4), 1)
-    first = np.concatenate([[0], np.cumsum(fours)])
-    row = np.repeat(np.arange(len(length)), 4 * fours)
-    slot = np.arange(len(row)) - 4 * first[row]
-    which = np.append(lists, 0)[np.minimum(start[row] + slot, len(lists))]
-    which[slot >= length[row]] = len(planes)
-    which[length[row] == 0] = len(planes) + 1
-    planes = np.vstack([planes, [0.0, 0.0, 0.0, _FAR, 0.0], [0.0, 0.0, 0.0, -_FAR, 0.0]])
-    packed = planes[which].reshape(-1, 4, 5).transpose(0, 2, 1)
-    return np.ascontiguousarray(packed, np.float32).ravel(), first.astype(np.int32)
-
-
-def hull_planes(vertices: object, faces: object) -> FloatArray:
-    """Distinct face planes of a hull, shape [f, 4].
-
-    Raises:
-        GeometryError: Not a closed convex polyhedron with outward triangles.
-    """
-    x = np.asarray(vertices, dtype=np.float64)
-    f = np.asarray(faces)
-    if x.ndim != 2 or x.shape[1:] != (3,) or f.ndim != 2 or f.shape[1:] != (3,) or len(f) < 4:
-        raise GeometryError("a hull needs vertices [n, 3] and at least 4 faces [f, 3]")
-    if not np.isfinite(x).all() or f.min() < 0 or f.max() >= len(x):
-        raise GeometryError("a hull needs finite vertices and faces that index them")
-    a, b, c = x[f].transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    length = np.linalg.norm(normal, axis=1)
-    size = float(np.linalg.norm(np.ptp(x, axis=0)))
-    solid = length > 1e-12 * size * size
-    if solid.sum() < 4:
-        raise GeometryError("a hull needs 4 faces with area")
-    normal = normal[solid] / length[solid, None]
-    offset = np.einsum("fk,fck->fc", normal, x[f[solid]]).max(axis=1)
-    planes = np.column_stack([normal, offset])
-    height = x @ normal.T - offset
-    if height.max() > 1e-4 * size:
-        raise GeometryError(f"a hull must be convex; a corner is out by {height.max():.3g} m")
-    # Faces of one polygon share a plane.
-    key = np.round(np.column_stack([normal, offset / size]) * 1e6).astype(np.int64)
-    _, first = np.unique(key, axis=0, return_index=True)
-    return planes[np.sort(first)]
-
-
-def hull_bound(vertices: FloatArray) -> tuple[float, ...]:
-    """A capsule that holds points, along the longest axis: start, end and radius [m]."""
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    centre = 0.5 * (low + high)
-    axis = int(np.argmax(high - low))
-    local = vertices - centre
-    across = np.linalg.norm(np.delete(local, axis, axis=1), axis=1)
-    radius = float(across.max())
-    cap = np.sqrt(np.maximum(radius * radius - across * across, 0.0))
-    end = np.zeros(3)
-    end[axis] = max(float((np.abs(local[:, axis]) - cap).max()), 0.0)
-    return (*(centre - end).tolist(), *(centre + end).tolist(), radius)
-
-
-def _with_exposed(
-    planes: FloatArray, buried: NDArray[np.bool_], low: FloatArray, high: FloatArray, far: float
-) -> FaceGrid:
-    """A grid of candidates of all planes, and of those that are not buried if some are."""
-    grid = face_grid(planes, low, high, far=far, overlap=_OVERLAP)
-    if not buried.any():
-        return grid
-    exposed = np.flatnonzero(~buried).astype(np.int32)
-    inner = face_grid(planes[exposed], low, high, far=far, overlap=_OVERLAP)
-    lists = []
-    for c in range(len(grid.start) - 1):
-        own = grid.face[grid.start[c] : grid.start[c + 1]]
-        other = exposed[inner.face[inner.start[c] : inner.start[c + 1]]]
-        lists.append(np.union1d(own, other).astype(np.int32) if len(own) else own)
-    start = np.cumsum([0, *map(len, lists)]).astype(np.int32)
-    return replace(grid, start=start, face=np.concatenate(lists))
-
-
-def pack_hulls(
-    hulls: Mapping[str, tuple[object, object]],
-    buried: Callable[[list[FloatArray]], list[NDArray[np.bool_]]] | None = None,
-) -> PackedHulls:
-    """Hulls given by name, vertices and outward faces, as flat arrays.
-
-    Args:
-        hulls: The hulls.
-        buried: Tells of the distinct planes of each, as `hull_planes` has them, which are buried;
-            None for none.
-
-    Raises:
-        GeometryError: One is not a closed convex polyhedron.
-    """
-    planes, boxes = [], []
-    for name, (vertices, faces) in hulls.items():
-        try:
-            own = hull_planes(vertices, faces)
-        except GeometryError as error:
-            raise GeometryError(f"collider {name!r}: {error}") from None
-        x = np.asarray(vertices, dtype=np.float64)
-        planes.append(own)
-        boxes.append([*x.min(axis=0), *x.max(axis=0)])
-    box = np.array(boxes).reshape(-1, 6)
-    around = np.float32(_AROUND * (box[:, 3:] - box[:, :3]).max(initial=0.0))
-    hidden = [np.zeros(len(own), bool) for own in planes] if buried is None else buried(planes)
-    grids = [
-        _with_exposed(own, under, low - around, high + around, float(around))
-        for own, under, low, high in zip(planes, hidden, box[:, :3], box[:, 3:])
-    ]
-    planes = [np.column_stack([own, _FAR * under]) for own, under in zip(planes, hidden)]
-    lists = [_in_fours(own, g.face, g.start) for own, g in zip(planes, grids)]
-    whole = [
-        _in_fours(p, np.arange(len(p), dtype=np.int32), np.array([0, len(p)], np.int32))
-        for p in planes
-    ]
-    packed = [p for p, _ in (*lists, *whole)]
-    at = np.cumsum([0, *(len(p) // 20 for p in packed)])
-    first_cell = np.cumsum([0, *(len(g.start) for g in grids)])
-    none: list[NDArray[np.int32]] = [np.zeros(0, np.int32)]
-    return PackedHulls(
-        plane=np.concatenate([np.zeros(0, np.float32), *packed]),
-        first=at[len(hulls) :].astype(np.int32),
-        box=box.astype(np.float32),
-        grid=np.array([[*g.low, *(1.0 / g.cell)] for g in grids], np.float32).reshape(-1, 6),
-        cells=np.array([g.count for g in grids], np.int32).reshape(-1, 3),
-        first_cell=first_cell[:-1].astype(np.int32),
-        start=np.concatenate(none + [s + k for (_, s), k in zip(lists, at)]).astype(np.int32),
-        around=around,
-        overlap=np.array([_OVERLAP * g.cell.min() for g in grids], np.float32),
-    )
+_BURIED = 0.05
+"""Share of the longest shape that hulls go on for outside of a buried face: 2 cm on a human."""
 
 
 @lean_kernel(inner=True)
@@ -393,3 +234,93 @@ def _compiled_hull_distance_if_any(shapes, posed, k, qx, qy, qz, reach):
     return lambda shapes, posed, k, qx, qy, qz, reach: hull_distance(
         shapes, posed, k, qx, qy, qz, reach
     )
+
+
+def _parse(entries: Entries) -> dict[str, object]:
+    vertices = entries.array("vertices").astype(np.float64)
+    faces = entries.array("faces")
+    for label, array in (("vertices", vertices), ("faces", faces)):
+        if array.ndim != 2 or array.shape[1] != 3 or len(array) < 4:
+            entries.refuse(f"{label} has shape {array.shape}; allowed: [4 or more, 3]")
+    if faces.dtype.kind == "f" or faces.min() < 0 or faces.max() >= len(vertices):
+        entries.refuse(f"faces must be indices 0..{len(vertices) - 1}")
+    return {"vertices": vertices, "faces": faces.astype(np.int32), **entries.share()}
+
+
+def _size(geometry: Geometry) -> Size:
+    return NO_SIZE
+
+
+def _bound(geometry: Geometry) -> tuple[float, ...]:
+    return hull_bound(numbers(geometry, "vertices"))
+
+
+def _inscribed_radius(geometry: Geometry) -> float:
+    """Of a ball about the mean of the corners."""
+    vertices = numbers(geometry, "vertices")
+    a, b, c = (vertices[np.asarray(geometry["faces"])[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    length = np.linalg.norm(normal, axis=1)
+    height = np.einsum("fi,fi->f", a - vertices.mean(axis=0), normal)[length > 0.0]
+    return max(float((height / length[length > 0.0]).min()), 0.0) if len(height) else 0.0
+
+
+def _surface(geometry: Geometry, points: int, finest: float) -> Surface:
+    return Surface(numbers(geometry, "vertices"), np.asarray(geometry["faces"], np.int32))
+
+
+def _clouds(geometry: Geometry) -> tuple[Cloud]:
+    return (Cloud(numbers(geometry, "vertices")),)
+
+
+def _arrays(own: Own) -> tuple[PackedHulls, NDArray[np.float32]]:
+    buried = None
+    if own.T_world_rest is not None:
+        way = _BURIED * own.longest
+        buried = partial(_buried, list(own.geometry.values()), own.T_world_rest, way)
+    hulls = {name: (g["vertices"], g["faces"]) for name, g in own.geometry.items()}
+    packed = pack_hulls(hulls, buried)
+    return packed, packed.box
+
+
+def _buried(
+    hulls: list[Geometry], T: FloatArray, way: float, planes: list[FloatArray]
+) -> list[NDArray[np.bool_]]:
+    """`buried_planes` of hulls at T [h, 4, 4], with planes in their own frames."""
+    known = np.asarray(np.isfinite(T).all(axis=(1, 2)))
+    there, corners = [], []
+    for hull, own, T_hull, is_known in zip(hulls, planes, T, known):
+        placed = np.zeros((0, 4))
+        if is_known:
+            normal = own[:, :3] @ T_hull[:3, :3].T
+            placed = np.column_stack([normal, own[:, 3] + normal @ T_hull[:3, 3]])
+        there.append(placed)
+        x = np.asarray(hull["vertices"], np.float64)
+        corners.append(transform_points(T_hull, x) if is_known else x)
+    return [
+        found if is_known else np.zeros(len(own), bool)
+        for found, own, is_known in zip(buried_planes(there, corners, way), planes, known)
+    ]
+
+
+_CORNERS = 0.1 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+_FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32)
+
+HULL = Kind(
+    name="hull",
+    code=3,
+    keys=("vertices", "faces"),
+    optional=("share",),
+    parse=_parse,
+    shape=Shape(
+        size=_size,
+        bound=_bound,
+        inscribed_radius=_inscribed_radius,
+        surface=_surface,
+        table="hulls",
+        arrays=_arrays,
+    ),
+    clouds=_clouds,
+    variants={"hull": {"vertices": _CORNERS, "faces": _FACES}},
+)
+"""Size: nothing; see `PackedHulls`."""

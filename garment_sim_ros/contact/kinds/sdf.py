@@ -1,65 +1,45 @@
-"""Point against a sampled signed distance; see `distance_grid`, whose numbers these are."""
-
-from collections.abc import Mapping
-from typing import NamedTuple
+"""The kind ``sdf``: a sampled signed distance; see `distance_grid`, whose numbers these are."""
 
 import numpy as np
 from numba import types
 from numba.extending import overload
-from numpy.typing import NDArray
 
-from garment_sim_ros.arrays import IntArray, SingleArray
+from garment_sim_ros.arrays import FloatArray, SingleArray
+from garment_sim_ros.contact.block import (
+    DISTANCE,
+    ROW_DISTANCE,
+    ROW_U,
+    ROW_V,
+    ROW_W,
+    U,
+    V,
+    W,
+    X,
+    Y,
+    Z,
+    higher,
+)
 from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
-from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.contact.kinds.entries import Entries
+from garment_sim_ros.contact.kinds.kind import (
+    NO_SIZE,
+    Cloud,
+    Geometry,
+    Kind,
+    Own,
+    Shape,
+    Size,
+    Surface,
+)
+from garment_sim_ros.contact.kinds.packed_grids import PackedGrids, pack_grids
+from garment_sim_ros.contact.kinds.packed_hulls import hull_bound
+from garment_sim_ros.geometry.locality import BLOCK
+from garment_sim_ros.geometry.marching_tetrahedra import marching_tetrahedra
 from garment_sim_ros.jit import lean_kernel
 
 _ONE = np.uint64(1)
-
-
-class PackedGrids(NamedTuple):
-    """Distance grids as flat arrays.
-
-    Attributes:
-        sample: All samples, grid by grid, x slowest, flat.
-        first: Where each grid starts, shape [g].
-        nodes: Samples along each axis, shape [g, 3].
-        middle: Half of the cells along each axis, shape [g, 3].
-        cell: Cell [m], cells per length, metres per unit of a sample, and how steep the
-            interpolation is at most, shape [g, 4].
-        box: Lowest and highest corner of each shape's box [m], shape [g, 6].
-    """
-
-    sample: NDArray[np.int16]
-    first: IntArray
-    nodes: IntArray
-    middle: SingleArray
-    cell: SingleArray
-    box: SingleArray
-
-
-def pack_grids(geometries: Mapping[str, Mapping[str, object]]) -> PackedGrids:
-    """Grids given by a collider's name and geometry, as flat arrays.
-
-    Raises:
-        GeometryError: Unusable numbers.
-    """
-    grids = []
-    for name, geometry in geometries.items():
-        try:
-            grids.append(DistanceGrid.of(geometry))
-        except (TypeError, ValueError, GeometryError) as error:
-            raise GeometryError(f"collider {name!r}: {error}") from None
-    nodes = np.array([g.distance.shape for g in grids], np.int32).reshape(-1, 3)
-    return PackedGrids(
-        sample=np.concatenate([g.distance.ravel() for g in grids]),
-        first=np.cumsum([0, *(g.distance.size for g in grids)])[:-1].astype(np.int32),
-        nodes=nodes,
-        middle=(0.5 * (nodes - 1.0)).astype(np.float32),
-        cell=np.array(
-            [[g.cell, 1.0 / g.cell, g.step, g.steepest()] for g in grids], np.float32
-        ).reshape(-1, 4),
-        box=np.array([g.box() for g in grids], np.float32).reshape(-1, 6),
-    )
+_FEWEST = 20
+"""Samples inside that a shape needs to stand for something in cloth."""
 
 
 @lean_kernel(inner=True)
@@ -234,3 +214,144 @@ def _compiled_sdf_distance_if_any(shapes, posed, k, qx, qy, qz, reach):
     return lambda shapes, posed, k, qx, qy, qz, reach: sdf_distance(
         shapes, posed, k, qx, qy, qz, reach
     )
+
+
+@lean_kernel()
+def sdf_distances(shapes, posed, k, thickness, block, lane):
+    """Distances of a block to shape k, an sdf: to `DISTANCE`; above `thickness` a lower bound.
+
+    Args:
+        shapes: Packed shapes with grids.
+        posed: The same, posed.
+        k: Which one.
+        thickness: Distances above this need not be known [m].
+        block: The block's scratch.
+        lane: Scratch: particles in the shape's box, shape [BLOCK + 1].
+    """
+    cx = posed.centre[k, 0]
+    cy = posed.centre[k, 1]
+    cz = posed.centre[k, 2]
+    r00, r01, r02 = posed.rotation[k, 0, 0], posed.rotation[k, 0, 1], posed.rotation[k, 0, 2]
+    r10, r11, r12 = posed.rotation[k, 1, 0], posed.rotation[k, 1, 1], posed.rotation[k, 1, 2]
+    r20, r21, r22 = posed.rotation[k, 2, 0], posed.rotation[k, 2, 1], posed.rotation[k, 2, 2]
+    g = shapes.hull[k]
+    x0 = shapes.grids.box[g, 0]
+    y0 = shapes.grids.box[g, 1]
+    z0 = shapes.grids.box[g, 2]
+    x1 = shapes.grids.box[g, 3]
+    y1 = shapes.grids.box[g, 4]
+    z1 = shapes.grids.box[g, 5]
+    for p in range(BLOCK):
+        qx = block[X + p] - cx
+        qy = block[Y + p] - cy
+        qz = block[Z + p] - cz
+        u = r00 * qx + r10 * qy + r20 * qz
+        v = r01 * qx + r11 * qy + r21 * qz
+        w = r02 * qx + r12 * qy + r22 * qz
+        block[U + p] = u
+        block[V + p] = v
+        block[W + p] = w
+        block[DISTANCE + p] = higher(
+            higher(higher(x0 - u, u - x1), higher(y0 - v, v - y1)), higher(z0 - w, w - z1)
+        )
+    found = 0
+    for p in range(BLOCK):
+        lane[found] = p
+        found += 1 if block[DISTANCE + p] <= thickness else 0
+    flat = np.float32(1.0) / shapes.grids.cell[g, 3]
+    for n in range(found):
+        i = np.uint64(lane[n])
+        height = sdf_height(shapes, g, block[i + ROW_U], block[i + ROW_V], block[i + ROW_W])
+        # The interpolation may fall faster than the way to the surface is long.
+        over = height - thickness
+        block[i + ROW_DISTANCE] = thickness + over * flat if over > np.float32(0.0) else height
+
+
+def sdf_distances_if_any(shapes, posed, k, thickness, block, lane):
+    """As `sdf_distances`; nothing where ``shapes.grids`` is None."""
+    if shapes.grids is not None:
+        sdf_distances(shapes, posed, k, thickness, block, lane)
+
+
+@overload(sdf_distances_if_any, inline="always")
+def _compiled_sdf_distances_if_any(shapes, posed, k, thickness, block, lane):
+    if isinstance(shapes.types[shapes.fields.index("grids")], types.NoneType):
+        return lambda shapes, posed, k, thickness, block, lane: None
+    return lambda shapes, posed, k, thickness, block, lane: sdf_distances(
+        shapes, posed, k, thickness, block, lane
+    )
+
+
+def _parse(entries: Entries) -> dict[str, object]:
+    grid = DistanceGrid(
+        cell=entries.number("cell", 1e-9),
+        step=entries.number("step", 1e-12),
+        distance=entries.samples("distance"),
+    )
+    return {**grid.geometry(), **entries.share()}
+
+
+def _size(geometry: Geometry) -> Size:
+    return NO_SIZE
+
+
+def _bound(geometry: Geometry) -> tuple[float, ...]:
+    return hull_bound(DistanceGrid.of(geometry).rim())
+
+
+def _inscribed_radius(geometry: Geometry) -> float:
+    grid = DistanceGrid.of(geometry)
+    return max(-float(grid.distance.min()) * grid.step, 0.0)
+
+
+def _surface(geometry: Geometry, points: int, finest: float) -> Surface:
+    """Where the distance is 0; sampled anew where that is finer than asked for."""
+    grid = DistanceGrid.of(geometry)
+    if finest <= grid.cell:
+        field = grid.distance.astype(np.float64)
+        return Surface(*marching_tetrahedra(field, grid.low, grid.cell))
+    box = grid.box()
+    low = box[:3] - finest
+    nx, ny, nz = (int(n) + 1 for n in np.ceil((box[3:] + finest - low) / finest))
+    at = low + finest * np.indices((nx, ny, nz)).reshape(3, -1).T
+    return Surface(*marching_tetrahedra(grid.value(at).reshape(nx, ny, nz), low, finest))
+
+
+def _clouds(geometry: Geometry) -> tuple[Cloud, ...]:
+    grid = DistanceGrid.of(geometry)
+    middle = 0.5 * (np.array(grid.distance.shape) - 1)
+    points = grid.cell * (np.argwhere(grid.distance < 0) - middle)
+    return (Cloud(points),) if len(points) >= _FEWEST and np.ptp(points, axis=0).all() else ()
+
+
+def _distance(geometry: Geometry, points: FloatArray) -> FloatArray:
+    return DistanceGrid.of(geometry).value(points)
+
+
+def _arrays(own: Own) -> tuple[PackedGrids, SingleArray]:
+    packed = pack_grids(own.geometry)
+    return packed, packed.box
+
+
+_FROM_MIDDLE = 0.02 * (np.indices((13, 13, 13)).transpose(1, 2, 3, 0) - 6.0)
+_BALL = DistanceGrid.sampled(0.02, np.linalg.norm(_FROM_MIDDLE, axis=-1) - 0.1)
+
+SDF = Kind(
+    name="sdf",
+    code=4,
+    keys=("cell", "step", "distance"),
+    optional=("share",),
+    parse=_parse,
+    shape=Shape(
+        size=_size,
+        bound=_bound,
+        inscribed_radius=_inscribed_radius,
+        surface=_surface,
+        table="grids",
+        arrays=_arrays,
+        distance=_distance,
+    ),
+    clouds=_clouds,
+    variants={"sdf": _BALL.geometry()},
+)
+"""Size: nothing; see `PackedGrids`."""

@@ -32,12 +32,12 @@ class SkinnedMesh:
     """
 
     def __init__(self, colliders: ColliderSet) -> None:
-        shapes = [c for c in colliders.colliders if c.kind != "frame"]
-        if len(shapes) != 1 or shapes[0].kind != "mesh":
+        shapes = [c for c in colliders.colliders if not c.is_frame]
+        if len(shapes) != 1 or not shapes[0].record.is_skin:
             found = ", ".join(sorted({c.kind for c in shapes})) or "none"
             raise GeometryError(f"a mesh must be the only shape of its set; found {found}")
         name, g = shapes[0].name, shapes[0].geometry
-        self._frames = np.flatnonzero([c.kind == "frame" for c in colliders.colliders])
+        self._frames = np.flatnonzero([c.is_frame for c in colliders.colliders])
         try:
             x, weight, bind = (
                 np.array(g[key], dtype=np.float64) for key in ("vertices", "weight", "bind")

@@ -7,14 +7,18 @@ count for all particles: there are no sides, and nothing passes.
 import numpy as np
 
 from garment_sim_ros.arrays import IntArray, SingleArray
+from garment_sim_ros.contact.kinds.ellipsoid import ELLIPSOID
+from garment_sim_ros.contact.kinds.frame import FRAME
+from garment_sim_ros.contact.kinds.sphere import SPHERE
 from garment_sim_ros.contact.packed import PackedShapes, PosedShapes
 from garment_sim_ros.contact.papers.earliest.hit import meet, response_numbers, room_for
-from garment_sim_ros.contact.shapes import KINDS, ColliderSet
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.params import RelaxationSettings
 
-_ELLIPSOID = KINDS.index("ellipsoid")
+_KNOWN = (SPHERE, ELLIPSOID, FRAME)
+_ELLIPSOID = ELLIPSOID.code
 
 
 def check_earliest(colliders: ColliderSet) -> None:
@@ -23,7 +27,7 @@ def check_earliest(colliders: ColliderSet) -> None:
     Raises:
         ParameterError: Colliders of a kind that it does not know.
     """
-    others = sorted({c.kind for c in colliders.colliders} - {"sphere", "ellipsoid", "frame"})
+    others = sorted({c.kind for c in colliders.colliders if c.record not in _KNOWN})
     if others:
         raise ParameterError(
             "contact",

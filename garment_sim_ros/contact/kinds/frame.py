@@ -1,0 +1,5 @@
+"""The kind ``frame``: a place on a bone that attachments, skins and refitted shapes ride on."""
+
+from garment_sim_ros.contact.kinds.kind import Kind
+
+FRAME = Kind(name="frame", code=6, keys=(), variants={"frame": {}})
