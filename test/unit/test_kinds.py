@@ -10,6 +10,7 @@ from garment_sim_ros.colliders.description import from_json, to_json
 from garment_sim_ros.colliders.fitting import METHODS
 from garment_sim_ros.colliders.report.surfaces import surface
 from garment_sim_ros.contact.block import DISTANCE, ROWS, load_block
+from garment_sim_ros.contact.cores import Cores
 from garment_sim_ros.contact.distance import shape_distance, shape_distances
 from garment_sim_ros.contact.kinds import KINDS
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
@@ -141,6 +142,14 @@ def test_the_bounds_hold_the_shape(alone):
     assert (alone.vertices.min(axis=0) >= box[:3] - 1e-5 * alone.size).all()
     assert (alone.vertices.max(axis=0) <= box[3:] + 1e-5 * alone.size).all()
     assert (box[3:] - box[:3]).max() < 2.0 * alone.size
+
+
+def test_cores_are_no_less_deep_in_the_surface_than_they_say(alone):
+    cores = Cores.of(alone.set)
+    for (a, b), depth in zip(cores.ends, cores.depth):
+        along = a + np.linspace(0.0, 1.0, 50)[:, None] * (b - a)
+        height = alone.mesh.signed_distance(along)[0]
+        assert depth <= -height.max() + 0.01 * alone.size
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)

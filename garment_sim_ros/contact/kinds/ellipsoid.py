@@ -257,8 +257,14 @@ def _surface(geometry: Geometry, points: int, finest: float) -> Surface:
 
 def _core(geometry: Geometry, share: float) -> Core:
     radii = _radii(geometry)
-    half = share * radii.max() * np.eye(3)[int(radii.argmax())]
-    return Core(np.stack([-half, half]), float(radii.min()) * math.sqrt(1.0 - share**2))
+    longest, shortest = float(radii.max()), float(radii.min())
+    end = share * longest
+    half = end * np.eye(3)[int(radii.argmax())]
+    # The ends are the nearest to the surface: across, or along the axis where the tip is nearer.
+    flat = longest**2 - shortest**2
+    across = end * longest < flat
+    depth = shortest * math.sqrt(1.0 - end**2 / flat) if across else longest - end
+    return Core(np.stack([-half, half]), depth)
 
 
 def _arrays(own: Own) -> tuple[SingleArray, None]:

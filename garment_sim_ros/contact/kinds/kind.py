@@ -38,7 +38,7 @@ class Core(NamedTuple):
 
     Attributes:
         ends: Its ends [m], shape [2, 3].
-        depth: Least distance from it to the surface [m].
+        depth: Distance that it keeps from the surface at least [m].
     """
 
     ends: FloatArray
