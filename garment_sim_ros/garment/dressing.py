@@ -24,13 +24,13 @@ NONE = "none"
 
 _OFF_THE_BODY = 0.3  # median distance to the skin from which a garment is not on it [m]
 _DEEPEST = 0.03  # vertices deeper under the skin than this are not a fit of millimetres [m]
-_LEASH = 0.1  # how far a shirt may get from where it was put on [m]
+_MAX_DISTANCE = 0.1  # how far a shirt may get from where it was put on [m]
 _CLEARANCE = 0.002  # where vertices under the skin are put [m]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Attachment:
-    """Vertices that ride on one bone.
+    """Vertices that follow one bone.
 
     Attributes:
         bone: Joint name, or humanoid bone name.
@@ -139,7 +139,7 @@ def dressed(
     )
     max_distance = holds.max_distance
     if max_distance is None and upper:
-        max_distance = (VertexDistance(distance=_LEASH * measures.unit),)
+        max_distance = (VertexDistance(distance=_MAX_DISTANCE * measures.unit),)
     garment = Garment(
         name=name,
         vertices=mesh.vertices,

@@ -32,14 +32,14 @@ class Garment:
             their rest lengths here.
         triangles: Vertex indices, counter-clockwise seen from outside, shape [t, 3].
         material: Its fabric.
-        frames: Names of the frames that it rides on, length b.
+        frames: Names of the frames that it follows, length b.
         T_world_frame_rest: Transforms of those frames in the pose of `vertices`, shape [b, 4, 4].
             A shirt is made with the arms away from the trunk, whatever the body's rest pose.
         frame_index: Frames that each vertex would follow if it were skin, shape [v, k].
         frame_weight: Weights of those frames, rows sum to 1, shape [v, k]. Used to place the
             garment on a pose far from the current one (start, reset, teleport).
         pins: Vertices with zero inverse mass, shape [p].
-        pin_frame: Index into `frames` that each pin rides on rigidly, shape [p].
+        pin_frame: Index into `frames` of the frame that each pin is fixed to, shape [p].
         passed_by: Bones whose colliders only brush it from outside: a hand that swings along a
             skirt would else press it through the thigh.
         layer: Garments with a higher number are worn over those with a lower one.
@@ -100,7 +100,7 @@ class Garment:
         edge: float | None = None,
         **more: Any,
     ) -> "Garment":
-        """A garment that rides on one bone, or on none: on what stands still in the world.
+        """A garment attached to one bone, or to none: to what stands still in the world.
 
         Nothing but its pins follows the bone. To put a mesh on a body, see `Avatar.dress`.
 

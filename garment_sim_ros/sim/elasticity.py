@@ -170,7 +170,7 @@ def edge_stiffness(
 
     None is zero: edges without stiffness let a mesh give way like a linkage, whatever the sums.
     Edges at large angles to the threads carry them only with a shear stiffness of their own: shear
-    gets stiffer than asked there, and threads softer, see docs/cloth.md.
+    gets stiffer than asked there, and threads softer, see docs/solvers.md.
 
     Args:
         rest: Rest positions [m], shape [n, 3].

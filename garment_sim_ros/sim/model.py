@@ -56,7 +56,7 @@ class ClothModel:
         mass: Masses [kg], of pinned ones too, shape [n].
         inverse_mass: Inverse masses [1/kg], 0 for pinned ones, shape [n].
         springs: Its springs.
-        pin_collider: Collider of the set that each pinned particle rides on, shape [n - free].
+        pin_collider: Collider of the set that each pinned particle follows, shape [n - free].
         pin_position: Their positions in that collider's frame [m], shape [n - free, 3].
         material: Its fabric.
     """
@@ -170,7 +170,7 @@ def build_model(
         triangles: Vertex indices, shape [t, 3].
         material: Its fabric; masses come from its areal density.
         pins: Vertices with zero inverse mass, shape [p]; those named twice count once.
-        pin_collider: Collider of the set that each pin rides on, shape [p].
+        pin_collider: Collider of the set that each pin follows, shape [p].
         pin_position: Position of each pin in that collider's frame [m], shape [p, 3].
 
     Raises:

@@ -17,7 +17,7 @@ from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.garment_view import GarmentView
 from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.holds.backstop import Backstop
-from garment_sim_ros.sim.holds.leash import Leash
+from garment_sim_ros.sim.holds.distance_limit import DistanceLimit
 from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.loop import take_step
@@ -194,7 +194,7 @@ class Simulation:
 
     def is_held(self, name: str) -> bool:
         """Whether a garment is kept near to where it would be as skin."""
-        return any(isinstance(c, Leash) for c in self._worn[name].constraints)
+        return any(isinstance(c, DistanceLimit) for c in self._worn[name].constraints)
 
     def has_backstop(self, name: str) -> bool:
         """Whether a garment is kept from getting far behind where it would be as skin."""

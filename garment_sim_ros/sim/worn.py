@@ -14,7 +14,7 @@ from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.holds.attaching import attached_to
 from garment_sim_ros.sim.holds.backstop import Backstop
 from garment_sim_ros.sim.holds.constraint import Constraint
-from garment_sim_ros.sim.holds.leash import Leash
+from garment_sim_ros.sim.holds.distance_limit import DistanceLimit
 from garment_sim_ros.sim.holds.letting_go import LettingGo
 from garment_sim_ros.sim.holds.skin_places import SkinPlaces
 from garment_sim_ros.sim.model import ClothModel, build_model
@@ -40,7 +40,7 @@ class Worn(Piece):
 
     Attributes:
         garment: Mesh, material, frames and pins.
-        frames: The frames that it rides on.
+        frames: The frames that it follows.
         good: Its motion when the last step began, of which every particle is good.
         recovery: Mends what is not.
         health: Counts and readings.
@@ -218,7 +218,7 @@ def _constraints(
     """Those that a garment asks for, in the order in which they act."""
     constraints: list[Constraint] = []
     if places is not None and garment.max_distance is not None:
-        constraints.append(Leash(garment, places, workspace))
+        constraints.append(DistanceLimit(garment, places, workspace))
     if places is not None and garment.backstop is not None:
         constraints.append(Backstop(garment, places))
     if garment.self_collision is not None:

@@ -74,7 +74,7 @@ def fit_spheres(body: Body, *, delta: float = 0.0, thickness: float = 0.002) -> 
 
 
 def frame_colliders(bones: MajorBones) -> tuple[Collider, ...]:
-    """One ``frame_<joint>`` per major bone: what attachments and skinned shapes ride on.
+    """One ``frame_<joint>`` per major bone: what attachments and skinned shapes follow.
 
     That of the body's root is the first, see `ColliderSet.root`.
     """

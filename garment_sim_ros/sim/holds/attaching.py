@@ -20,7 +20,7 @@ def attached_to(garment: GarmentLike, frames: Frames, model: ClothModel) -> Atta
 
     Args:
         garment: The garment.
-        frames: The frames that it rides on.
+        frames: The frames that it follows.
         model: Its particles.
 
     Raises:

@@ -55,7 +55,7 @@ def hold(x, v, place, velocity, left, T, index, normal, distance):
             most n.
         velocity: How fast that moves [m/s], shape [f, 3].
         left: How long it is to the end of the step [s].
-        T: Transforms of the frames that the garment rides on, shape [b, 3, 4].
+        T: Transforms of the frames that the garment follows, shape [b, 3, 4].
         index: Those that each particle follows, shape [f, k].
         normal: Its normal as skin in each, see `holds.skinned.blended`, shape [f, k, 4].
         distance: How far behind it may be [m], shape [f].

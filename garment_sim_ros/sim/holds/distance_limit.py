@@ -14,7 +14,7 @@ from garment_sim_ros.sim.placement import GarmentLike
 from garment_sim_ros.sim.state import State, Workspace
 
 
-class Leash(Constraint):
+class DistanceLimit(Constraint):
     """Holds one garment's free particles.
 
     Args:
@@ -50,7 +50,7 @@ class Leash(Constraint):
 
 @kernel()
 def hold(x, v, x_start, shape, normal, place, velocity, left, dt, limit):
-    """See `Leash.hold`.
+    """See `DistanceLimit.hold`.
 
     Args:
         x: Positions, changed in place [m], shape [n, 3].
