@@ -24,10 +24,11 @@ from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import ellipsoid_col
 from garment_sim_ros.colliders.ellipsoids.ellipsoids import PARTS, ellipsoids_around, segment_body
 from garment_sim_ros.colliders.hulls.hulls import fit_hulls
 from garment_sim_ros.colliders.posing import ColliderPoser
-from garment_sim_ros.colliders.regions import bone_weights, vertex_areas
+from garment_sim_ros.colliders.regions import bone_weights
 from garment_sim_ros.colliders.report.fatness import Union
 from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.triangles import vertex_areas
 
 QUERY_NS = {"sphere": 5.0, "capsule": 12.0, "hull": 27.0, "ellipsoid": 97.0}
 """What one query near a shape takes [ns], measured by ``bench/query_cost.py``; only their ratios
@@ -114,7 +115,7 @@ def fit_mixed(
         "capsule": _shapes(capsules),
     }
     candidates = _measured(body, made, part_of_bone)
-    area = vertex_areas(body.skin)
+    area = vertex_areas(body.skin.vertices, body.skin.triangles)
     chosen = np.zeros(len(candidates.colliders), np.bool_)
     report: dict[str, Any] = {"query_ns": QUERY_NS, "parts": {}}
     for i, name in enumerate(names):

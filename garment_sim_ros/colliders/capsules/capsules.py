@@ -13,11 +13,12 @@ from garment_sim_ros.arrays import FloatArray, LongArray
 from garment_sim_ros.body.major_bones import MajorBones, major_bones
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.capsules.capsule_fit import refine, slabs, union_distance
-from garment_sim_ros.colliders.regions import bone_weights, vertex_areas, vertex_normals
+from garment_sim_ros.colliders.regions import bone_weights, skin_normals
 from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
+from garment_sim_ros.geometry.triangles import vertex_areas
 
 _CONTAINED = 0.97
 """Share of a patch's area that its capsules contain before `delta` is added."""
@@ -89,8 +90,8 @@ def _fit(body: Body, delta: float, thickness: float, *, spheres: bool) -> Collid
     bones = major_bones(body)
     weights = bone_weights(body.skin, bones)
     owner = weights.argmax(axis=1)
-    areas = vertex_areas(body.skin)
-    normals = vertex_normals(body.skin)
+    areas = vertex_areas(body.skin.vertices, body.skin.triangles)
+    normals = skin_normals(body.skin)
     skin = MeshDistance(body.skin.vertices, body.skin.triangles)
     colliders: list[Collider] = []
     for m, name in enumerate(bones.names):

@@ -8,6 +8,7 @@ from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.contact.shapes import Collider
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.marching_tetrahedra import marching_tetrahedra
+from garment_sim_ros.geometry.triangles import area_vectors
 
 
 def surface(
@@ -75,8 +76,7 @@ def _convex(points: FloatArray) -> tuple[FloatArray, IntArray]:
     """The convex hull of points with outward triangles."""
     hull = ConvexHull(points)
     triangles = hull.simplices
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0.0
+    inward = (area_vectors(points, triangles) * hull.equations[:, :3]).sum(axis=1) < 0.0
     triangles[inward] = triangles[inward][:, ::-1]
     used, index = np.unique(triangles, return_inverse=True)
     return points[used], index.reshape(-1, 3).astype(np.int32)
