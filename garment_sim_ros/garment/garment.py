@@ -43,10 +43,9 @@ class Garment:
         passed_by: Bones whose colliders only brush it from outside: a hand that swings along a
             skirt would else press it through the thigh.
         layer: Garments with a higher number are worn over those with a lower one.
-        max_distance: How far each vertex may be from where it would be as skin [m], shape [v];
-            None where nothing holds it.
-        backstop: How far each vertex may be behind where it would be as skin, along the normal
-            that it would have there [m], shape [v]; None where nothing holds it.
+        skin_limits: Limits of how vertices lie to their places as skin, one for each vertex [m],
+            shape [v], by name: ``max_distance`` is how far they may be from there, ``backstop``
+            how far behind it, along the normal there; all: `sim.holds.skin_limits`.
         soft: Springs to places on its frames; None without.
         tethers: Part of its way over the cloth that a vertex may be farther away from its pins;
             None where nothing holds it.
@@ -68,8 +67,7 @@ class Garment:
     pin_frame: IntArray
     passed_by: tuple[str, ...] = ()
     layer: int = 0
-    max_distance: FloatArray | None = None
-    backstop: FloatArray | None = None
+    skin_limits: Mapping[str, FloatArray] = field(default_factory=dict)
     soft: SoftAttachments | None = None
     tethers: float | None = None
     self_collision: float | None = None

@@ -86,12 +86,8 @@ class GarmentLike(Protocol):
         """Bones whose colliders only brush it from outside."""
 
     @property
-    def max_distance(self) -> FloatArray | None:
-        """How far each vertex may be from where it would be as skin [m], shape [v]; or None."""
-
-    @property
-    def backstop(self) -> FloatArray | None:
-        """How far each vertex may be behind where it would be as skin [m], shape [v]; or None."""
+    def skin_limits(self) -> Mapping[str, FloatArray]:
+        """Limits by their names in `holds.skin_limits`: one for each vertex [m], shape [v]."""
 
     @property
     def soft(self) -> SoftAttachments | None:

@@ -32,6 +32,7 @@ LONG_FUNCTIONS = {
     "contact/friction.py:resist_slip": (13, 80),
     "contact/mesh/collide.py:_collide": (13, 80),
     "contact/papers/earliest/block.py:respond": (12, 128),
+    "contact/sweep.py:sweep": (12, 120),
     "contact/way_out.py:leave_union": (19, 127),
     "contact/way_out.py:leave_all": (19, 80),
     "garment/dressing.py:dressed": (12, 82),

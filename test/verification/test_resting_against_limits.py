@@ -32,7 +32,9 @@ def sheet(cloth, n, height, limit=None, pins=(), **options):
     vertices[:, 2] = height
     garment = cloth.garment(vertices, triangles, pins, **options)
     distance = None if limit is None else np.full(len(vertices), limit)
-    return dataclasses.replace(garment, max_distance=distance)
+    return dataclasses.replace(
+        garment, skin_limits={} if distance is None else {"max_distance": distance}
+    )
 
 
 @pytest.mark.parametrize(
