@@ -24,8 +24,6 @@ _LIMBS = tuple(
 _FAR = (2.0, 2.5)
 """Distances from a limb's bone, as multiples of its skin's median distance, from which on the limb
 moves skin less, and not at all."""
-_FLEXIBLE = 0.02
-"""A vertex on which two bones have at least this weight is flexible."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,14 +46,6 @@ class Regions:
 
     def __len__(self) -> int:
         return len(self.names)
-
-    def flexible(self, region: int) -> IntArray:
-        """Vertices that move with both a region's bone and its parent's."""
-        above = int(self.parent[region])
-        if above < 0:
-            return np.zeros(0, np.int32)
-        both = np.minimum(self.weight[:, region], self.weight[:, above]) >= _FLEXIBLE
-        return np.flatnonzero(both).astype(np.int32)
 
 
 def skin_regions(body: Body, *, merge: float = 0.0) -> Regions:
