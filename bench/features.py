@@ -57,12 +57,12 @@ def rows(worn: Garments) -> dict[str, Row]:
 
     def everywhere(name: str, distance: float) -> Row:
         return changed(
-            lambda g: dataclasses.replace(g, **{name: np.full(len(g.vertices), distance)})
+            lambda g: dataclasses.replace(
+                g, skin_limits={name: np.full(len(g.vertices), distance)}
+            )
         )
 
-    plain = [
-        dataclasses.replace(fabric(g, friction=0.0), layer=0, max_distance=None) for g in worn
-    ]
+    plain = [dataclasses.replace(fabric(g, friction=0.0), layer=0, skin_limits={}) for g in worn]
     layered = [dataclasses.replace(g, layer=k) for g, k in zip(plain, (1, 0))]
     breeze = Environment(wind=(2.0, 0.0, 0.0), wind_drag=1.2, wind_lift=0.4)
     return {

@@ -1,6 +1,6 @@
 """Work against precision: what an error of so many millimetres costs with each solver.
 
-    python bench/work_precision.py [--picture docs/work_precision.png] [--json]
+    python bench/work_precision.py [--picture docs/measurements/work_precision.png] [--json]
     python bench/work_precision.py --fabric weave
 
 A cloth of 1 m x 1 m, 50 x 50 vertices, hangs by one side, is let go from a slope and swings for

@@ -74,7 +74,7 @@ class Cloth:
 
     @staticmethod
     def garment(vertices, triangles, pins=(), *, name="cloth", frame="bone", **material):
-        """A garment that rides on one frame, whose rest transform is the identity."""
+        """A garment that follows one frame, whose rest transform is the identity."""
         values = {"damping": 0.0, "air_drag": 0.0, "friction": 0.0, **material}
         return Garment.from_mesh(
             vertices, triangles, name=name, material=Material(**values), pins=pins, bone=frame

@@ -13,6 +13,7 @@ import numpy as np
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.skin import Body, Skin
+from garment_sim_ros.geometry.triangles import vertex_areas
 
 HUMAN_MAJOR: tuple[str, ...] = (
     *("hips", "spine", "chest", "upperChest", "neck", "head"),
@@ -94,10 +95,7 @@ def major_bones(body: Body, *, also: tuple[str, ...] = ()) -> MajorBones:
 
 def joint_areas(skin: Skin) -> FloatArray:
     """Skin area that each joint carries by its weights [m^2], shape [n]."""
-    a, b, c = skin.vertices[skin.triangles].transpose(1, 0, 2)
-    third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
-    area = np.bincount(skin.triangles.ravel(), np.repeat(third, 3), minlength=len(skin.vertices))
-    share = area[:, None] * skin.weight
+    share = vertex_areas(skin.vertices, skin.triangles)[:, None] * skin.weight
     carried = np.bincount(skin.bone.ravel(), share.ravel(), minlength=len(skin.T_bone_bind))
     return carried.astype(np.float64)
 

@@ -20,7 +20,7 @@ from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.hulls.convex_parts import split
 from garment_sim_ros.colliders.hulls.hull import Hull, convex_hull
 from garment_sim_ros.colliders.range_of_motion import joint_rotations
-from garment_sim_ros.colliders.regions import Regions, vertex_normals
+from garment_sim_ros.colliders.regions import Regions, skin_normals
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import invert_transform
@@ -74,7 +74,7 @@ class Joint:
 def joints(body: Body, regions: Regions, skin: MeshDistance) -> list[Joint]:
     """All joints about which skin bends."""
     bone_of = {joint: bone for bone, joint in body.humanoid.items()}
-    normal = vertex_normals(body.skin)
+    normal = skin_normals(body.skin)
     found = []
     for m in range(len(regions)):
         if regions.parent[m] < 0:

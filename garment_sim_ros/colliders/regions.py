@@ -13,6 +13,7 @@ from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.major_bones import MajorBones, major_bones
 from garment_sim_ros.body.skin import Body, Skin
 from garment_sim_ros.geometry.transforms import invert_transform
+from garment_sim_ros.geometry.triangles import area_vectors, vertex_areas
 
 _ALSO = ("leftToes", "rightToes")
 _LIMBS = tuple(
@@ -23,8 +24,6 @@ _LIMBS = tuple(
 _FAR = (2.0, 2.5)
 """Distances from a limb's bone, as multiples of its skin's median distance, from which on the limb
 moves skin less, and not at all."""
-_FLEXIBLE = 0.02
-"""A vertex on which two bones have at least this weight is flexible."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,14 +47,6 @@ class Regions:
     def __len__(self) -> int:
         return len(self.names)
 
-    def flexible(self, region: int) -> IntArray:
-        """Vertices that move with both a region's bone and its parent's."""
-        above = int(self.parent[region])
-        if above < 0:
-            return np.zeros(0, np.int32)
-        both = np.minimum(self.weight[:, region], self.weight[:, above]) >= _FLEXIBLE
-        return np.flatnonzero(both).astype(np.int32)
-
 
 def skin_regions(body: Body, *, merge: float = 0.0) -> Regions:
     """Regions of a body's major bones, and of its toes, which bend far.
@@ -68,7 +59,7 @@ def skin_regions(body: Body, *, merge: float = 0.0) -> Regions:
     bones = major_bones(body, also=_ALSO)
     weight = bone_weights(body.skin, bones)
     _give_back_the_trunk(body, bones, weight)
-    area = vertex_areas(body.skin)
+    area = vertex_areas(body.skin.vertices, body.skin.triangles)
     parent = bones.parent.copy()
     alive = np.ones(len(bones), dtype=np.bool_)
     while True:
@@ -183,20 +174,11 @@ def bone_weights(skin: Skin, bones: MajorBones) -> FloatArray:
     return weights
 
 
-def vertex_areas(skin: Skin) -> FloatArray:
-    """A third of the area of the triangles at each vertex [m^2], shape [v]."""
-    a, b, c = skin.vertices[skin.triangles].transpose(1, 0, 2)
-    third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
-    areas: FloatArray = np.zeros(len(skin.vertices))
-    np.add.at(areas, skin.triangles, third[:, None])
-    return areas
-
-
-def vertex_normals(skin: Skin) -> FloatArray:
+def skin_normals(skin: Skin) -> FloatArray:
     """Area-weighted unit normals, zero where there is no area, shape [v, 3]."""
-    a, b, c = skin.vertices[skin.triangles].transpose(1, 0, 2)
+    vectors = area_vectors(skin.vertices, skin.triangles)
     normals = np.zeros_like(skin.vertices)
     for corner in range(3):
-        np.add.at(normals, skin.triangles[:, corner], np.cross(b - a, c - a))
+        np.add.at(normals, skin.triangles[:, corner], vectors)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return normals / np.where(length > 0.0, length, 1.0)

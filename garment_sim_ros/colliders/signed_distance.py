@@ -1,7 +1,7 @@
 """Signed-distance colliders for any body: a grid per bone, and one per joint that needs it.
 
 Each rigid region of the skin, closed by lids where it was cut off its neighbours, is sampled in a
-box about it that rides on its bone. About a joint the band of skin that both its sides move is
+box about it that is fixed to its bone. About a joint the band of skin that both its sides move is
 sampled, too, and turns halfway, so that the two blend. Grids follow concave skin, which hulls
 cannot. What is thinner than a voxel is made as thick as it takes: no skin is outside, verified.
 """

@@ -3,7 +3,7 @@
 Skin that several bones share does not keep its shape when they turn against each other. Such an
 ellipsoid carries those points of its skin that bound it in some pose, by linear blending on the
 frames of the set; in each pose it is the smallest one around them. It takes part in friction as if
-it rode on its own bone.
+it was fixed to its own bone.
 """
 
 from collections.abc import Mapping

@@ -10,7 +10,7 @@ def resist_slip(carry, k, px, py, pz, sx, sy, sz, nx, ny, nz, depth, friction):
     """Friction in terms of positions: takes away slip along a surface, as far as it is pressed.
 
     The slip of a particle that moves from s to p past a shape with the unit normal n, where a
-    point that rides shape k moves as `carry[k]` says (see `PosedShapes`). What presses it is how
+    point fixed to shape k moves as `carry[k]` says (see `PosedShapes`). What presses it is how
     far it came towards the surface in this step; depth that was there before, as where it is
     pinched, does not count again.
 

@@ -86,8 +86,8 @@ class PosedShapes(NamedTuple):
     Attributes:
         centre: Origins of the shapes' frames [m], shape [m, 3].
         rotation: Their rotation matrices, shape [m, 3, 3].
-        carry: How far a point moves that rides the shape for the step: the linear map (rotation
-            less identity) and the offset, shape [m, 3, 4].
+        carry: Displacement map of each shape in the step, how far a point fixed to it moves: the
+            linear map (rotation less identity) and the offset, shape [m, 3, 4].
         bound: Capsules that hold the shapes [m]: start, unit axis, length and radius, shape
             [m, 8].
         box: Boxes along the axes of the world that hold the shapes: minimum, maximum [m], shape

@@ -16,7 +16,7 @@ def stay_between(shapes, posed, side, p, x_start, px, py, pz, k, thickness, roun
     """Where particle p, which came out of more than one shape, is held between two of them.
 
     Moved out of one after the other, in each step from where its neighbours have pulled it, it
-    would never come to rest. But what two sides press has no slip: it stays where it rode to with
+    would never come to rest. But what two sides press has no slip: it stays where it moved to with
     shape k from the start of the step. From there it is moved only as far as the two shapes, the
     nearest and the nearest that faces it, ask for: to the crease where they meet or, where that is
     too far away, to the middle between them. Where nothing has moved that is nowhere, whatever the

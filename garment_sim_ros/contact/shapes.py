@@ -114,7 +114,7 @@ class ColliderSet:
         """A set of plain shapes, see `plain_shapes`, for scenes without a body.
 
         Shapes that have the same name get a number behind it. Frames of `WORLD`, on which plain
-        garments ride, and of the shapes' bones come first.
+        garments follow, and of the shapes' bones come first.
 
         Args:
             shapes: The shapes.

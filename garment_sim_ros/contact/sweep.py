@@ -1,19 +1,19 @@
-"""Particles against the way that shapes took during a step, so that thin ones do not pass.
+"""Continuous collision detection (CCD): particles against the motion of shapes in a step.
 
 Contact looks at where particles and shapes are at the end of a step. A shape that moved by more
 than it is thick may then be on the other side of the cloth already, or so deep in it that the
 short way out is the wrong one. Here the way of a particle relative to a shape is followed from its
 start, in steps as long as its distance (sphere tracing, Hart 1996); where it enters the shape, and
 goes far enough inside for the short way out to be in doubt, it ends just under the surface where
-it came in, and rides on from there: an impact is inelastic in every direction, or else cloth slips
-off a thin limb before its neighbours are moving. Contact then does the rest. All that this asks of
-a shape is a distance.
+it came in, and moves with it from there: an impact is inelastic in every direction, or else cloth
+slips off a thin limb before its neighbours are moving. Contact then does the rest. All that this
+asks of a shape is a distance.
 
-Only pairs are followed where the shape moved by more than a part of its own inner radius in the
-step, or the particle would have, coasting at its speed past the shape. What only its neighbours
-pull through a slow shape was on the wrong side of it: stopped, it would stay there, and stretched,
-for good. Whether there are such pairs is known from the shapes' motion and a bound for each block
-of particles, so that steps without fast limbs cost next to nothing.
+Only pairs are followed where the shape moved by more than a part of its own inscribed radius in
+the step, or the particle would have, coasting at its speed past the shape. What only its
+neighbours pull through a slow shape was on the wrong side of it: stopped, it would stay there, and
+stretched, for good. Whether there are such pairs is known from the shapes' motion and a bound for
+each block of particles, so that steps without fast limbs cost next to nothing.
 """
 
 from typing import NamedTuple
@@ -30,28 +30,28 @@ from garment_sim_ros.geometry.locality import BLOCK
 from garment_sim_ros.jit import lean_kernel
 
 _SHORT = 0.5
-"""Ways of less than this, in inner radii, end on the side where they began."""
+"""Ways of less than this, in inscribed radii, end on the side where they began."""
 _UNDER_SURFACE = 0.25
-"""How deep a particle is left at most, in inner radii."""
+"""How deep a particle is left at most, in inscribed radii."""
 _TRACING_STEPS = 64
 _SHORTEST_STEP = 0.2
-"""Shortest step of tracing, in inner radii: what dips in by less is left to contact."""
+"""Shortest step of tracing, in inscribed radii: what dips in by less is left to contact."""
 _ENTRIES = 4
 """Shapes that one particle is stopped by in a step, at most."""
 _THINNEST = np.float32(1e-3)
-"""Least inner radius that is believed, as a share of the longest shape."""
+"""Least inscribed radius that is believed, as a share of the longest shape."""
 
 
 class Sweep(NamedTuple):
     """What `sweep` needs beside the shapes.
 
     Attributes:
-        inner_radius: Radius of a ball that fits into each shape [m], shape [m].
+        inscribed_radius: Radius of a ball that fits into each shape [m], shape [m].
         fast: Scratch: fast shapes, then those of them that are near a block, shape [2 m + 2].
         spread: Scratch: how differently the points of a fast shape move, shape [m + 1].
     """
 
-    inner_radius: SingleArray
+    inscribed_radius: SingleArray
     fast: NDArray[np.int32]
     spread: SingleArray
 
@@ -62,7 +62,7 @@ class Sweep(NamedTuple):
         radii = [c.shape.inscribed_radius(c.geometry) for c in met if c.shape is not None]
         m = len(radii)
         return cls(
-            inner_radius=np.maximum(np.array(radii, np.float32), _THINNEST * shapes.longest),
+            inscribed_radius=np.maximum(np.array(radii, np.float32), _THINNEST * shapes.longest),
             fast=np.zeros(2 * m + 2, np.int32),
             spread=np.zeros(m + 1, np.float32),
         )
@@ -143,9 +143,8 @@ def sweep(shapes, posed, side, way, x, x_start, x_coast, thickness):
         moved = np.sqrt(moved) + turn * np.sqrt(hx * hx + hy * hy + hz * hz)
         way.fast[count] = k
         way.spread[count] = turn
-        count += (
-            1 if moved + fastest > np.float32(_SHORT) * (way.inner_radius[k] + thickness) else 0
-        )
+        inner = way.inscribed_radius[k] + thickness
+        count += 1 if moved + fastest > np.float32(_SHORT) * inner else 0
     if count == 0:
         return 0
     stopped = 0
@@ -199,7 +198,7 @@ def sweep(shapes, posed, side, way, x, x_start, x_coast, thickness):
             margin = thickness + slack
             far = max(ux * ux + uy * uy + uz * uz, wx * wx + wy * wy + wz * wz)
             here = (
-                (np.sqrt(far) + slack > np.float32(_SHORT) * (way.inner_radius[k] + thickness))
+                (np.sqrt(far) + slack > np.float32(_SHORT) * (way.inscribed_radius[k] + thickness))
                 & (posed.box[k, 0] - margin <= max(bx, sx + wx))
                 & (posed.box[k, 3] + margin >= min(ax, mx + wx))
                 & (posed.box[k, 1] - margin <= max(by, sy + wy))
@@ -235,7 +234,7 @@ def _stop(shapes, posed, side, way, x, x_start, x_coast, thickness, first, count
             k = np.int64(way.fast[first + n])
             if k == last or side[k, p] != UNDER:
                 continue
-            # In the shape's frame at the end: from where the particle would be if it rode it.
+            # In the shape's frame at the end: from where the particle would be, fixed to it.
             qx = sx + (
                 posed.carry[k, 0, 0] * sx
                 + posed.carry[k, 0, 1] * sy
@@ -258,7 +257,7 @@ def _stop(shapes, posed, side, way, x, x_start, x_coast, thickness, first, count
             uy = py - qy
             uz = pz - qz
             length = np.sqrt(ux * ux + uy * uy + uz * uz)
-            inner = way.inner_radius[k] + thickness
+            inner = way.inscribed_radius[k] + thickness
             short = np.float32(_SHORT) * inner
             wx, wy, wz = qx - sx, qy - sy, qz - sz
             fx, fy, fz = x_coast[p, 0] - qx, x_coast[p, 1] - qy, x_coast[p, 2] - qz
@@ -279,7 +278,8 @@ def _stop(shapes, posed, side, way, x, x_start, x_coast, thickness, first, count
         stopped = 1
         last = entered
         along = rx * nx + ry * ny + rz * nz
-        along = max(along, np.float32(-_UNDER_SURFACE) * (way.inner_radius[entered] + thickness))
+        inner = way.inscribed_radius[entered] + thickness
+        along = max(along, np.float32(-_UNDER_SURFACE) * inner)
         px = ex + along * nx
         py = ey + along * ny
         pz = ez + along * nz

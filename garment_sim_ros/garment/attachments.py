@@ -1,4 +1,4 @@
-"""How a garment rides on its body: frames it would follow as skin, and pinned vertices."""
+"""How a garment is attached to its body: frames it would follow as skin, and pinned vertices."""
 
 from dataclasses import dataclass
 

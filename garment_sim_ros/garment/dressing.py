@@ -1,7 +1,7 @@
 """From a garment's mesh and a body to a garment ready to be simulated."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,13 +24,13 @@ NONE = "none"
 
 _OFF_THE_BODY = 0.3  # median distance to the skin from which a garment is not on it [m]
 _DEEPEST = 0.03  # vertices deeper under the skin than this are not a fit of millimetres [m]
-_LEASH = 0.1  # how far a shirt may get from where it was put on [m]
+_MAX_DISTANCE = 0.1  # how far a shirt may get from where it was put on [m]
 _CLEARANCE = 0.002  # where vertices under the skin are put [m]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Attachment:
-    """Vertices that ride on one bone.
+    """Vertices that follow one bone.
 
     Attributes:
         bone: Joint name, or humanoid bone name.
@@ -63,18 +63,16 @@ class Holds:
     """What holds a garment beside its pins.
 
     Attributes:
-        max_distance: How far vertices may be from where they would be as skin, later ones first;
-            None: a tenth of a metre, on a person of 1.65 m, for what hangs from the shoulders,
-            else any distance.
-        backstop: How far they may be behind that; None: any distance.
+        skin_limits: Limits of how vertices lie to their places as skin, by the names in
+            `sim.holds.skin_limits`, later entries first. What hangs from the shoulders has a
+            ``max_distance`` of a tenth of a metre, on a person of 1.65 m, where none is given.
         tethers: Part of its way over the cloth that a vertex may be farther from its pins; None:
             no tethers.
         stiffness: Of the springs of attachments that name none [N/m]; infinite: they are pins.
         damping: Likewise [N s/m].
     """
 
-    max_distance: tuple[VertexDistance, ...] | None = None
-    backstop: tuple[VertexDistance, ...] | None = None
+    skin_limits: Mapping[str, tuple[VertexDistance, ...]] = field(default_factory=dict)
     tethers: float | None = None
     stiffness: float = np.inf
     damping: float = 0.0
@@ -137,9 +135,10 @@ def dressed(
         stiffness=spring[~rigid, 0],
         damping=spring[~rigid, 1],
     )
-    max_distance = holds.max_distance
-    if max_distance is None and upper:
-        max_distance = (VertexDistance(distance=_LEASH * measures.unit),)
+    limits = dict(holds.skin_limits)
+    if upper:
+        usual = VertexDistance(distance=_MAX_DISTANCE * measures.unit)
+        limits.setdefault("max_distance", (usual,))
     garment = Garment(
         name=name,
         vertices=mesh.vertices,
@@ -152,8 +151,9 @@ def dressed(
         pins=pins[rigid],
         pin_frame=pin_frame[rigid],
         passed_by=passed_by,
-        max_distance=_per_vertex(name, len(mesh.vertices), max_distance),
-        backstop=_per_vertex(name, len(mesh.vertices), holds.backstop),
+        skin_limits={
+            key: _per_vertex(name, len(mesh.vertices), entries) for key, entries in limits.items()
+        },
         soft=None if rigid.all() else soft,
         tethers=holds.tethers,
         T_world_bone_rest=_bones_at_rest(measures),
@@ -167,17 +167,13 @@ def _bones_at_rest(measures: Measures) -> dict[str, FloatArray]:
     return dict(zip(bones.names, measures.T_world_joint[bones.joint], strict=True))
 
 
-def _per_vertex(
-    name: str, count: int, given: Sequence[VertexDistance] | None
-) -> FloatArray | None:
-    """A distance for each vertex [m], infinite where none is given; None without any.
+def _per_vertex(name: str, count: int, given: Sequence[VertexDistance]) -> FloatArray:
+    """A distance for each vertex [m], infinite where none is given.
 
     Raises:
         GeometryError: A vertex that does not exist.
     """
-    if given is None:
-        return None
-    result = np.full(count, np.inf)
+    result: FloatArray = np.full(count, np.inf)
     for entry in given:
         if entry.vertices is None:
             result[:] = entry.distance

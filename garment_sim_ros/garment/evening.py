@@ -10,10 +10,11 @@ import numpy as np
 
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.garment.connectivity import edge_table
 from garment_sim_ros.garment.mesh import GarmentMesh
 from garment_sim_ros.garment.remesh import remeshed
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.topology import edge_table
+from garment_sim_ros.geometry.triangles import triangle_areas
 
 _UNEVEN = 0.25
 """An edge shorter than this share of the median makes a mesh uneven."""
@@ -32,8 +33,7 @@ def evened(mesh: GarmentMesh, edge_length: float) -> GarmentMesh:
         mesh: The surface.
         edge_length: Length that edges shall have [m].
     """
-    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
-    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    area = float(triangle_areas(mesh.vertices, mesh.triangles).sum())
     count = round(area / (np.sqrt(0.75) * edge_length**2))
     surface = MeshDistance(mesh.vertices, mesh.triangles)
     before = _lengths(mesh)

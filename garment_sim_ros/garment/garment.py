@@ -32,21 +32,20 @@ class Garment:
             their rest lengths here.
         triangles: Vertex indices, counter-clockwise seen from outside, shape [t, 3].
         material: Its fabric.
-        frames: Names of the frames that it rides on, length b.
+        frames: Names of the frames that it follows, length b.
         T_world_frame_rest: Transforms of those frames in the pose of `vertices`, shape [b, 4, 4].
             A shirt is made with the arms away from the trunk, whatever the body's rest pose.
         frame_index: Frames that each vertex would follow if it were skin, shape [v, k].
         frame_weight: Weights of those frames, rows sum to 1, shape [v, k]. Used to place the
             garment on a pose far from the current one (start, reset, teleport).
         pins: Vertices with zero inverse mass, shape [p].
-        pin_frame: Index into `frames` that each pin rides on rigidly, shape [p].
+        pin_frame: Index into `frames` of the frame that each pin is fixed to, shape [p].
         passed_by: Bones whose colliders only brush it from outside: a hand that swings along a
             skirt would else press it through the thigh.
         layer: Garments with a higher number are worn over those with a lower one.
-        max_distance: How far each vertex may be from where it would be as skin [m], shape [v];
-            None where nothing holds it.
-        backstop: How far each vertex may be behind where it would be as skin, along the normal
-            that it would have there [m], shape [v]; None where nothing holds it.
+        skin_limits: Limits of how vertices lie to their places as skin, one for each vertex [m],
+            shape [v], by name: ``max_distance`` is how far they may be from there, ``backstop``
+            how far behind it, along the normal there; all: `sim.holds.skin_limits`.
         soft: Springs to places on its frames; None without.
         tethers: Part of its way over the cloth that a vertex may be farther away from its pins;
             None where nothing holds it.
@@ -68,8 +67,7 @@ class Garment:
     pin_frame: IntArray
     passed_by: tuple[str, ...] = ()
     layer: int = 0
-    max_distance: FloatArray | None = None
-    backstop: FloatArray | None = None
+    skin_limits: Mapping[str, FloatArray] = field(default_factory=dict)
     soft: SoftAttachments | None = None
     tethers: float | None = None
     self_collision: float | None = None
@@ -100,7 +98,7 @@ class Garment:
         edge: float | None = None,
         **more: Any,
     ) -> "Garment":
-        """A garment that rides on one bone, or on none: on what stands still in the world.
+        """A garment attached to one bone, or to none: to what stands still in the world.
 
         Nothing but its pins follows the bone. To put a mesh on a body, see `Avatar.dress`.
 

@@ -8,8 +8,8 @@ surface nets"). Vertices are spaced evenly, which suits remeshing.
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray
-from garment_sim_ros.garment.connectivity import edge_table
 from garment_sim_ros.garment.mesh_repair import triangulate
+from garment_sim_ros.geometry.topology import edge_table
 
 
 def surface_net(

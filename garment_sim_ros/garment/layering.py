@@ -19,6 +19,7 @@ from garment_sim_ros.garment.letting_out import spread
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.triangles import area_vectors
 from garment_sim_ros.sim.placement import blend
 
 _REACH = 0.06
@@ -146,8 +147,7 @@ class _Surface:
         garment, bones = cut.garment, other.garment.T_world_bone_rest
         pairs = zip(garment.frames, garment.T_world_frame_rest, strict=True)
         x = blend(garment, np.stack([bones.get(name, T) for name, T in pairs]))
-        a, b, c = np.moveaxis(x[garment.triangles], 1, 0)
-        normal = np.cross(b - a, c - a)
+        normal = area_vectors(x, garment.triangles)
         length = np.linalg.norm(normal, axis=1, keepdims=True)
         self._normal = normal / np.maximum(length, 1e-300)
         self._distance = MeshDistance(x, garment.triangles)

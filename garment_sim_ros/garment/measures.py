@@ -12,8 +12,8 @@ from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.garment.connectivity import edge_table
 from garment_sim_ros.garment.slices import Profile, crossings, sections
+from garment_sim_ros.geometry.topology import edge_table
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 
 _SLICES = 128

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 
@@ -129,7 +130,7 @@ def _made_on(source: str, name: str) -> Body:
 
 def _names_vertices(entry: GarmentEntry) -> bool:
     """Whether an entry tells vertices by their number in the file."""
-    distances = (*(entry.holds.max_distance or ()), *(entry.holds.backstop or ()))
+    distances = chain.from_iterable(entry.holds.skin_limits.values())
     return not isinstance(entry.attachments, str) or any(d.vertices is not None for d in distances)
 
 

@@ -22,6 +22,7 @@ from garment_sim_ros.garment.mesh import UNITS, UP_AXES
 from garment_sim_ros.input_file import read_text
 from garment_sim_ros.params import ColliderOptions, Material, parameter, validated
 from garment_sim_ros.plain_data import PlainDataError, parse_yaml
+from garment_sim_ros.sim.holds.skin_limits import SKIN_LIMITS
 
 DEFAULT_OUTFIT = "tshirt_short_skirt"
 MAX_FILE_BYTES = 2**20
@@ -31,7 +32,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _FILE_KEYS = ("version", "garments", "colliders")
 GARMENT_KEYS = (
     *("name", "generator", "options", "mesh", "material", "attachments"),
-    *("layer", "max_distance", "backstop", "tethers", "self_collision", "mu"),
+    *("layer", *SKIN_LIMITS, "tethers", "self_collision", "mu"),
     *("attachment_stiffness", "attachment_damping"),
 )
 """What an outfit file may say of one garment."""
@@ -271,8 +272,11 @@ def _holds(values: Mapping[str, Any]) -> Holds:
     else:
         tethers = _number("tethers", tethers, "true, false, or a stretch from 0 to 1", most=1.0)
     return Holds(
-        max_distance=_distances("max_distance", values.get("max_distance")),
-        backstop=_distances("backstop", values.get("backstop")),
+        skin_limits={
+            name: _distances(name, values[name])
+            for name in SKIN_LIMITS
+            if values.get(name) is not None
+        },
         tethers=tethers,
         stiffness=_number(
             "attachment_stiffness",
@@ -294,11 +298,9 @@ def _number(
     return float(value)
 
 
-def _distances(name: str, value: object) -> tuple[VertexDistance, ...] | None:
+def _distances(name: str, value: object) -> tuple[VertexDistance, ...]:
     """One distance for all vertices, or a list of distances with the vertices that have them."""
     allowed = "a number of metres above 0, or a list of {distance: M, vertices: [...]}"
-    if value is None:
-        return None
     if not isinstance(value, list) or len(value) > 1000:
         value = [{"distance": value}]
     distances = []

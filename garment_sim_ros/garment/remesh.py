@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.garment.connectivity import adjacency, edge_table
+from garment_sim_ros.garment.connectivity import adjacency
 from garment_sim_ros.garment.subdivide import split_edges
-from garment_sim_ros.geometry.topology import vertex_normals
+from garment_sim_ros.geometry.topology import edge_table, vertex_normals
+from garment_sim_ros.geometry.triangles import triangle_areas
 
 _ROUNDS = 6
 _ATTEMPTS = 12
@@ -39,8 +40,7 @@ def remeshed(
     Raises:
         GeometryError: The surface cannot have that many vertices (too few for its holes).
     """
-    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    area = triangle_areas(vertices, triangles).sum()
     length = float(np.sqrt(area / count / np.sqrt(0.75)))
     for _ in range(_ROUNDS):
         vertices, triangles = _round(vertices, triangles, length, project)

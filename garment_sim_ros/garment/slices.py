@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray
-from garment_sim_ros.garment.connectivity import edge_table
+from garment_sim_ros.geometry.topology import edge_table
 
 DIRECTIONS = 72
 """Directions in which supports are sampled: every 5 degrees."""

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.garment.connectivity import edge_table
+from garment_sim_ros.geometry.topology import edge_table
 
 MAX_TRIANGLES = 500_000
 """Largest mesh that refinement may make."""

@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.topology import edge_table
 from garment_sim_ros.jit import exact_kernel
 
 
@@ -68,16 +69,6 @@ def path_to(before: IntArray, vertex: int) -> IntArray:
     return np.array(path[::-1], dtype=np.int32)
 
 
-def mesh_edges(triangles: IntArray) -> IntArray:
-    """Undirected edges, lower index first, sorted, unique, shape [e, 2]."""
-    half = np.sort(
-        np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    )
-    count = int(triangles.max(initial=0)) + 1
-    key = np.unique(half[:, 0].astype(np.int64) * count + half[:, 1])
-    return np.stack([key // count, key % count], axis=1).astype(np.int32)
-
-
 def mesh_graph(
     vertices: FloatArray,
     triangles: IntArray,
@@ -99,7 +90,7 @@ def mesh_graph(
     """
     if paths not in ("edges", "unfolded"):
         raise GeometryError(f"paths {paths!r}; allowed: edges, unfolded")
-    pairs = mesh_edges(triangles)
+    pairs = edge_table(triangles)[0]
     if bridges is not None and len(bridges):
         pairs = np.concatenate([pairs, bridges.astype(np.int32)])
     length = np.linalg.norm(vertices[pairs[:, 1]] - vertices[pairs[:, 0]], axis=1)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.topology import edge_table
 from garment_sim_ros.geometry.winding_number import insides, refit_dipoles
 from garment_sim_ros.jit import exact_kernel, kernel
 
@@ -47,7 +48,8 @@ class MeshDistance:
         self._order = np.arange(len(triangles), dtype=np.int32)
         sort_triangles(x[triangles].mean(axis=1), self._order, depth)
         self._triangles = np.ascontiguousarray(triangles[self._order])
-        self._edge, self._edge_count = _edge_numbers(self._triangles)
+        edges, self._edge, _ = edge_table(self._triangles)
+        self._edge_count = len(edges)
         self._x = x
         self._boxes = np.empty((2 ** (depth + 1) - 1, 6))
         self._face_normal = np.empty((len(triangles), 3))
@@ -115,14 +117,6 @@ class MeshDistance:
             self._vertex_normal,
         )
         refit_boxes(self._x, self._triangles, self._boxes, self._depth)
-
-
-def _edge_numbers(triangles: IntArray) -> tuple[IntArray, int]:
-    """Number of the undirected edge from each corner to the next, shape [t, 3], and the count."""
-    pairs = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1), axis=-1)
-    keys = pairs[..., 0].astype(np.int64) * (int(triangles.max()) + 1) + pairs[..., 1]
-    unique, inverse = np.unique(keys.ravel(), return_inverse=True)
-    return np.ascontiguousarray(inverse.reshape(-1, 3), dtype=np.int32), len(unique)
 
 
 @exact_kernel()

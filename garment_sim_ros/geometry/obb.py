@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray
+from garment_sim_ros.geometry.triangles import triangle_areas
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,7 @@ def oriented_box(vertices: FloatArray, faces: IntArray) -> Box:
         faces: Triangles, not all without area, shape [f, 3].
     """
     corners = vertices[faces]
-    a, b, c = corners.transpose(1, 0, 2)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    area = triangle_areas(vertices, faces)
     area /= area.sum()
     middle = corners.mean(axis=1)
     mean = area @ middle

@@ -59,6 +59,42 @@ def mesh_topology(triangles: IntArray) -> Topology:
     )
 
 
+def edge_table(triangles: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """The undirected edges of a triangle mesh.
+
+    Args:
+        triangles: Vertex indices, shape [t, 3].
+
+    Returns:
+        Edges with the smaller vertex first, sorted, shape [e, 2]; the edge of each triangle side
+        (side k runs from corner k to corner k + 1), shape [t, 3]; triangles at each edge, shape
+        [e].
+    """
+    start = triangles.astype(np.int64).ravel()
+    end = np.roll(triangles, -1, axis=1).astype(np.int64).ravel()
+    stride = start.max(initial=0) + 1
+    key, side_edge, count = np.unique(
+        np.minimum(start, end) * stride + np.maximum(start, end),
+        return_inverse=True,
+        return_counts=True,
+    )
+    edges = np.stack(np.divmod(key, stride), axis=1).astype(np.int32)
+    return edges, side_edge.reshape(-1, 3).astype(np.int32), count.astype(np.int32)
+
+
+def triangles_across(triangles: IntArray) -> IntArray:
+    """The triangle across each edge ab, bc, ca; -1 at a border or where more than two meet."""
+    if not len(triangles):
+        return np.zeros((0, 3), np.int32)
+    _, edge, count = edge_table(triangles)
+    order = np.argsort(edge.ravel(), kind="stable")
+    twin = np.full(edge.size, -1, np.int32)
+    first = np.concatenate([[0], np.cumsum(count)[:-1]])[count == 2]
+    a, b = order[first], order[first + 1]
+    twin[a], twin[b] = b // 3, a // 3
+    return twin.reshape(-1, 3)
+
+
 def hinge_vertices(triangles: IntArray) -> IntArray:
     """Pairs of triangles that share an edge: the edge's ends, then the opposite corners.
 

@@ -37,12 +37,6 @@ def rotate(qx, qy, qz, qw, vx, vy, vz):
     )
 
 
-@kernel()
-def rotate_inverse(qx, qy, qz, qw, vx, vy, vz):
-    """Vector v rotated by the inverse of the unit quaternion q."""
-    return rotate(-qx, -qy, -qz, qw, vx, vy, vz)
-
-
 @kernel(inner=True)
 def slerp(ax, ay, az, aw, bx, by, bz, bw, s):
     """Shortest-arc spherical interpolation from a (s = 0) to b (s = 1), unit length."""

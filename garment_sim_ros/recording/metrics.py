@@ -19,6 +19,7 @@ from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.crossings import find_hits
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import mesh_topology, vertex_normals
+from garment_sim_ros.geometry.triangles import triangle_areas
 from garment_sim_ros.recording.own_sides import OwnSides
 
 DEEP = 0.002
@@ -57,13 +58,12 @@ class GarmentMesh:
         ]
         side = np.array(sides, np.int32).reshape(-1, 3)
         middle = np.arange(len(triangles), dtype=np.int32)[:, None]
-        a, b, c = np.moveaxis(vertices[triangles], 1, 0)
         return cls(
             vertices=v,
             triangles=triangles,
             edges=edges,
             rest_length=_lengths(vertices, edges),
-            rest_area=0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1),
+            rest_area=triangle_areas(vertices, triangles),
             samples_of_triangle=np.concatenate([triangles, v + side, v + e + middle], axis=1),
         )
 

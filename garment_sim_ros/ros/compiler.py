@@ -97,8 +97,9 @@ def expected_scene(file: OutfitFile) -> Scene:
                 # Where the file names none, they are most often in layers.
                 layer=number if entry.layer is None else entry.layer,
                 # Where nothing else is said, what hangs from the shoulders stays near to them.
-                max_distance=entry.holds.max_distance is not None or entry.generator == "tshirt",
-                backstop=entry.holds.backstop is not None,
+                skin_limits=tuple(
+                    sorted({*entry.holds.skin_limits, *_usual_limits(entry.generator)})
+                ),
                 tethers=entry.holds.tethers is not None,
                 soft=bool(np.isfinite(entry.holds.stiffness)),
                 pinned=not np.isfinite(entry.holds.stiffness),
@@ -108,6 +109,11 @@ def expected_scene(file: OutfitFile) -> Scene:
             for number, entry in enumerate(file.garments)
         ),
     )
+
+
+def _usual_limits(generator: str | None) -> tuple[str, ...]:
+    """Limits that a built-in garment has where the outfit names none."""
+    return ("max_distance",) if generator == "tshirt" else ()
 
 
 def _choice(parameters: Parameters) -> tuple[Any, ...]:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER
+from garment_sim_ros.sim.holds.skin_limits import SKIN_LIMITS
 from garment_sim_ros.sim.simulation import Simulation
 
 
@@ -32,14 +33,13 @@ def account(simulation: Simulation) -> dict[str, Any]:
         f"contact on {shapes} colliders": _unless(bool(kinds), "there are no shapes"),
         "friction": _unless(friction, "no material has any"),
         "contact between layers": _unless(len(layers) > 1, "all garments are in one layer"),
-        "a farthest distance from skin": _unless(
-            any(simulation.is_held(name) for name in simulation.names),
-            "no garment has a max_distance",
-        ),
-        "a farthest distance behind skin": _unless(
-            any(simulation.has_backstop(name) for name in simulation.names),
-            "no garment has a backstop",
-        ),
+        **{
+            limit.effect: _unless(
+                any(key in simulation.skin_limits(name) for name in simulation.names),
+                f"no garment has a {key}",
+            )
+            for key, limit in SKIN_LIMITS.items()
+        },
         "tethers to pins": _unless(
             any(len(simulation.attached(name).pin) for name in simulation.names),
             "no garment has tethers",

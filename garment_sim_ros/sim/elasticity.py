@@ -7,6 +7,7 @@ import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray, LongArray
 from garment_sim_ros.geometry.topology import hinge_vertices
+from garment_sim_ros.geometry.triangles import area_vectors
 from garment_sim_ros.params import Material
 
 GRAVITY = 9.81
@@ -68,8 +69,7 @@ def warp_directions(rest: FloatArray, triangles: IntArray) -> FloatArray:
     Garments hang along the warp (knits: along the wales): it is the vertical of the rest shape,
     projected into the triangle. In a triangle that lies flat it is the x axis.
     """
-    a, b, c = (rest[triangles[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
+    normal = area_vectors(rest, triangles)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     axis = np.where(np.abs(normal[:, 2:]) > _FLAT, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
     warp = axis - (axis * normal).sum(axis=1, keepdims=True) * normal
@@ -170,7 +170,7 @@ def edge_stiffness(
 
     None is zero: edges without stiffness let a mesh give way like a linkage, whatever the sums.
     Edges at large angles to the threads carry them only with a shear stiffness of their own: shear
-    gets stiffer than asked there, and threads softer, see docs/cloth.md.
+    gets stiffer than asked there, and threads softer, see docs/solvers.md.
 
     Args:
         rest: Rest positions [m], shape [n, 3].

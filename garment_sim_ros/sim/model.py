@@ -11,6 +11,7 @@ from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.colouring import order_by_colour
 from garment_sim_ros.geometry.locality import spatial_order
 from garment_sim_ros.geometry.topology import mesh_topology
+from garment_sim_ros.geometry.triangles import triangle_areas
 from garment_sim_ros.params import Environment, Material
 
 _LIGHTEST = 0.01
@@ -56,7 +57,7 @@ class ClothModel:
         mass: Masses [kg], of pinned ones too, shape [n].
         inverse_mass: Inverse masses [1/kg], 0 for pinned ones, shape [n].
         springs: Its springs.
-        pin_collider: Collider of the set that each pinned particle rides on, shape [n - free].
+        pin_collider: Collider of the set that each pinned particle follows, shape [n - free].
         pin_position: Their positions in that collider's frame [m], shape [n - free, 3].
         material: Its fabric.
     """
@@ -115,8 +116,7 @@ def _frozen(array: NDArray[Any], dtype: type) -> NDArray[Any]:
 
 def vertex_masses(vertices: FloatArray, triangles: IntArray, areal_density: float) -> FloatArray:
     """A third of each triangle's mass for each of its vertices [kg], shape [v]."""
-    a, b, c = (np.asarray(vertices, dtype=np.float64)[triangles[:, k]] for k in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    area = triangle_areas(np.asarray(vertices, dtype=np.float64), triangles)
     share = np.repeat(areal_density * area / 3, 3)
     mass = np.zeros(len(vertices))
     np.add.at(mass, triangles.ravel(), share)
@@ -170,7 +170,7 @@ def build_model(
         triangles: Vertex indices, shape [t, 3].
         material: Its fabric; masses come from its areal density.
         pins: Vertices with zero inverse mass, shape [p]; those named twice count once.
-        pin_collider: Collider of the set that each pin rides on, shape [p].
+        pin_collider: Collider of the set that each pin follows, shape [p].
         pin_position: Position of each pin in that collider's frame [m], shape [p, 3].
 
     Raises:

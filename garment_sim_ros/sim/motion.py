@@ -138,7 +138,7 @@ def carry_pins(x, v, pin_collider, pin_position, position, orientation, origin, 
     Args:
         x: Positions of the pinned particles, changed in place [m], shape [p, 3].
         v: Their velocities, changed in place [m/s], shape [p, 3].
-        pin_collider: Collider that each rides on, shape [p].
+        pin_collider: Collider that each follows, shape [p].
         pin_position: Its place in that collider's frame [m], shape [p, 3].
         position: World positions of all colliders [m], shape [c, 3].
         orientation: Their unit quaternions, shape [c, 4].

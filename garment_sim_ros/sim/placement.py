@@ -19,7 +19,7 @@ class SoftAttachments:
 
     Attributes:
         vertices: Different vertices, none of them pinned, shape [s].
-        frame: The frame of the garment that each one's place rides on, shape [s].
+        frame: The frame of the garment that each one follows, shape [s].
         stiffness: Force per distance from there [N/m], shape [s].
         damping: Force per speed relative to it [N s/m], shape [s].
     """
@@ -51,7 +51,7 @@ class GarmentLike(Protocol):
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Bones or colliders that it rides on, length b."""
+        """Bones or colliders that it follows, length b."""
 
     @property
     def T_world_frame_rest(self) -> FloatArray:  # noqa: N802
@@ -75,7 +75,7 @@ class GarmentLike(Protocol):
 
     @property
     def pin_frame(self) -> IntArray:
-        """The frame that each pin rides on, shape [p]."""
+        """The frame that each pin follows, shape [p]."""
 
     @property
     def layer(self) -> int:
@@ -86,12 +86,8 @@ class GarmentLike(Protocol):
         """Bones whose colliders only brush it from outside."""
 
     @property
-    def max_distance(self) -> FloatArray | None:
-        """How far each vertex may be from where it would be as skin [m], shape [v]; or None."""
-
-    @property
-    def backstop(self) -> FloatArray | None:
-        """How far each vertex may be behind where it would be as skin [m], shape [v]; or None."""
+    def skin_limits(self) -> Mapping[str, FloatArray]:
+        """Limits by their names in `holds.skin_limits`: one for each vertex [m], shape [v]."""
 
     @property
     def soft(self) -> SoftAttachments | None:
@@ -108,7 +104,7 @@ class GarmentLike(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Frames:
-    """The frames that a garment rides on, found among a set's colliders.
+    """The frames that a garment follows, found among a set's colliders.
 
     Attributes:
         collider: The collider that carries each frame, shape [b].
@@ -140,8 +136,9 @@ def find_frames(garment: str, names: tuple[str, ...], colliders: ColliderSet) ->
     missing = [n for n in names if n not in by_bone and n not in by_name]
     if missing:
         raise GeometryError(
-            f"garment {garment!r} rides on {', '.join(map(repr, missing))}, which the collider "
-            f"set does not have; bones: {', '.join(by_bone)}; colliders: {', '.join(by_name)}"
+            f"garment {garment!r} is attached to {', '.join(map(repr, missing))}, which the "
+            f"collider set does not have; bones: {', '.join(by_bone)}; "
+            f"colliders: {', '.join(by_name)}"
         )
     index = [by_bone.get(n, by_name.get(n, -1)) for n in names]
     T = np.tile(np.eye(4), (len(names), 1, 1))

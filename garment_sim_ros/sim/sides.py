@@ -23,7 +23,7 @@ def shape_sides(
 
     A skirt has both legs under it; the side of a shirt has the chest under it and the arm against
     it, the sleeve the other way round. Passing are the shapes on bones that the garment says pass
-    it by; opposed those on bones that it rides on elsewhere, towards which the vertex normal
+    it by; opposed those on bones that it is attached to elsewhere, towards which the vertex normal
     points. Anything else is under it.
 
     Args:

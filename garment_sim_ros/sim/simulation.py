@@ -16,8 +16,6 @@ from garment_sim_ros.sim.arguments import OutfitLike, check_preset, garments_of,
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.garment_view import GarmentView
 from garment_sim_ros.sim.health import Health
-from garment_sim_ros.sim.holds.backstop import Backstop
-from garment_sim_ros.sim.holds.leash import Leash
 from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.loop import take_step
@@ -192,13 +190,9 @@ class Simulation:
         """How a garment meets each of those that it is worn over."""
         return tuple(pair for _, pair in self._under[name])
 
-    def is_held(self, name: str) -> bool:
-        """Whether a garment is kept near to where it would be as skin."""
-        return any(isinstance(c, Leash) for c in self._worn[name].constraints)
-
-    def has_backstop(self, name: str) -> bool:
-        """Whether a garment is kept from getting far behind where it would be as skin."""
-        return any(isinstance(c, Backstop) for c in self._worn[name].constraints)
+    def skin_limits(self, name: str) -> tuple[str, ...]:
+        """Names of the limits that hold a garment near its place as skin."""
+        return tuple(self._worn[name].garment.skin_limits)
 
     def attached(self, name: str) -> Attached:
         """Tethers and soft attachments of a garment."""

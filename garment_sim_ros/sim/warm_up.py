@@ -34,8 +34,7 @@ class Features:
     Attributes:
         layer: See `garment.Garment`.
         pinned: Whether it has pins.
-        max_distance: Whether something holds it near to where it would be as skin.
-        backstop: Whether something keeps it from getting behind that.
+        skin_limits: Names of its limits, see `holds.skin_limits`, sorted.
         soft: Whether springs hold it.
         tethers: Whether it has tethers.
         self_collision: Whether it is kept from passing through itself.
@@ -44,8 +43,7 @@ class Features:
 
     layer: int = 0
     pinned: bool = True
-    max_distance: bool = False
-    backstop: bool = False
+    skin_limits: tuple[str, ...] = ()
     soft: bool = False
     tethers: bool = False
     self_collision: bool = False
@@ -57,8 +55,7 @@ class Features:
         return cls(
             layer=garment.layer,
             pinned=len(garment.pins) > 0,
-            max_distance=garment.max_distance is not None,
-            backstop=garment.backstop is not None,
+            skin_limits=tuple(sorted(garment.skin_limits)),
             soft=garment.soft is not None,
             tethers=garment.tethers is not None,
             self_collision=garment.self_collision is not None,
@@ -149,8 +146,7 @@ def _scrap(name: str, features: Features) -> SimpleNamespace:
         layer=features.layer,
         pins=np.zeros(int(features.pinned), np.int32),
         pin_frame=np.zeros(int(features.pinned), np.int32),
-        max_distance=np.full(count, 1.0) if features.max_distance else None,
-        backstop=np.full(count, 1.0) if features.backstop else None,
+        skin_limits={limit: np.full(count, 1.0) for limit in features.skin_limits},
         soft=soft if features.soft else None,
         tethers=1.0 if features.tethers else None,
         self_collision=0.002 if features.self_collision else None,
@@ -162,7 +158,7 @@ def _sheet(side: int, **asked: object) -> SimpleNamespace:
     """A square garment with so many vertices along a side, and what it asks for."""
     length = 0.1 * (side - 1)
     vertices, triangles, _ = sheet(length, length, edge=0.1)
-    nothing = dict.fromkeys(("max_distance", "backstop", "tethers", "soft", "self_collision"))
+    nothing = dict.fromkeys(("tethers", "soft", "self_collision"))
     plain = {
         "name": "scrap",
         "vertices": vertices,
@@ -176,6 +172,7 @@ def _sheet(side: int, **asked: object) -> SimpleNamespace:
         "pin_frame": np.zeros(1, np.int32),
         "passed_by": (),
         "layer": 0,
+        "skin_limits": {},
         "T_world_bone_rest": {},
     }
     return SimpleNamespace(**{**plain, **nothing, **asked})

@@ -12,10 +12,9 @@ from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.holds.attaching import attached_to
-from garment_sim_ros.sim.holds.backstop import Backstop
 from garment_sim_ros.sim.holds.constraint import Constraint
-from garment_sim_ros.sim.holds.leash import Leash
 from garment_sim_ros.sim.holds.letting_go import LettingGo
+from garment_sim_ros.sim.holds.skin_limits import SKIN_LIMITS
 from garment_sim_ros.sim.holds.skin_places import SkinPlaces
 from garment_sim_ros.sim.model import ClothModel, build_model
 from garment_sim_ros.sim.motion import carry_pins, measure_motion, shift
@@ -40,7 +39,7 @@ class Worn(Piece):
 
     Attributes:
         garment: Mesh, material, frames and pins.
-        frames: The frames that it rides on.
+        frames: The frames that it follows.
         good: Its motion when the last step began, of which every particle is good.
         recovery: Mends what is not.
         health: Counts and readings.
@@ -95,7 +94,7 @@ class Worn(Piece):
             collider_set, colliders.shapes, model.particle_triangles, workspace.sides.side
         )
         places = None
-        if garment.max_distance is not None or garment.backstop is not None:
+        if garment.skin_limits:
             places = SkinPlaces(garment, frames, model)
             workspace.limited = True
         return cls(
@@ -217,10 +216,12 @@ def _constraints(
 ) -> tuple[Constraint, ...]:
     """Those that a garment asks for, in the order in which they act."""
     constraints: list[Constraint] = []
-    if places is not None and garment.max_distance is not None:
-        constraints.append(Leash(garment, places, workspace))
-    if places is not None and garment.backstop is not None:
-        constraints.append(Backstop(garment, places))
+    if places is not None:
+        constraints += [
+            limit(garment, garment.skin_limits[name], places, workspace)
+            for name, limit in SKIN_LIMITS.items()
+            if name in garment.skin_limits
+        ]
     if garment.self_collision is not None:
         constraints.append(SelfCollision(model, garment.self_collision, workspace.contacts))
     return tuple(constraints)

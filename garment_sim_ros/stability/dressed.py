@@ -144,13 +144,12 @@ def _turned(tall: float, **asked: float) -> Scene:
 def _scaled(garment: Garment, scale: float) -> Garment:
     T = garment.T_world_frame_rest.copy()
     T[:, :3, 3] *= scale
-    limit = garment.max_distance
     return replace(
         garment,
         vertices=garment.vertices * scale,
         T_world_frame_rest=T,
         material=replace(garment.material, thickness=garment.material.thickness * scale),
-        max_distance=None if limit is None else limit * scale,
+        skin_limits={name: limit * scale for name, limit in garment.skin_limits.items()},
     )
 
 

@@ -105,7 +105,7 @@ def garment(
     layer: int = 0,
     **material: Any,
 ) -> Garment:
-    """A garment that rides on the bone called ``bone``."""
+    """A garment attached to the bone called ``bone``."""
     return Garment.from_mesh(
         vertices,
         triangles,

@@ -14,7 +14,7 @@ from naive.naive import Shape, signed_distance
 
 
 def ridden(carry: FloatArray, place: FloatArray) -> FloatArray:
-    """How far a point that rides a shape moves, from the shape's carry [3, 4]."""
+    """How far a point fixed to a shape moves, from the shape's carry [3, 4]."""
     return np.asarray(carry[:, :3] @ place + carry[:, 3])
 
 
@@ -42,7 +42,7 @@ def entry(
 def sweep(
     shapes: Sequence[Shape],
     carry: FloatArray,
-    inner_radius: FloatArray,
+    inscribed_radius: FloatArray,
     is_under: NDArray[np.bool_],
     x: FloatArray,
     x_start: FloatArray,
@@ -62,7 +62,7 @@ def sweep(
                 begin = start + ridden(carry[k], start)
                 way = x[p] - begin
                 length = float(np.linalg.norm(way))
-                inner = float(inner_radius[k]) + thickness
+                inner = float(inscribed_radius[k]) + thickness
                 rode, coasted = np.linalg.norm([begin - start, x_coast[p] - begin], axis=1)
                 if (
                     k == last
@@ -145,7 +145,7 @@ def touch_plane(
     friction: float,
     dt: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Position and velocity of a particle after contact with a plane that rode to `place`."""
+    """Position and velocity of a particle after contact with a plane that moved to `place`."""
     if is_pressed:
         return x_start + ride, ride / dt
     depth = float((place - x) @ normal)
@@ -166,12 +166,12 @@ def return_to_plane(
     place: FloatArray,
     ride: FloatArray,
     normal: FloatArray,
-    inner_radius: float,
+    inscribed_radius: float,
     friction: float,
     dt: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """The same before a search, to 2 % of the shape's inner radius below the plane."""
-    below = place - 0.02 * inner_radius * normal
+    """The same before a search, to 2 % of the shape's inscribed radius below the plane."""
+    below = place - 0.02 * inscribed_radius * normal
     return touch_plane(x, v, x_start, below, ride, normal, False, friction, dt)
 
 

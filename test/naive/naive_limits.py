@@ -1,6 +1,6 @@
 """Limits of a garment again, in float64 and one particle at a time; nothing but tests runs this.
 
-`leash.hold`, `backstop.hold` and `letting_go`. Shapes are spheres and capsules, see
+`distance_limit.hold`, `backstop.hold` and `letting_go`. Shapes are spheres and capsules, see
 `naive.signed_distance`.
 """
 
@@ -14,7 +14,7 @@ from garment_sim_ros.contact.sides import LET_GO, PASSING
 from naive.naive import Shape, signed_distance
 
 
-def leash(
+def distance_limit(
     x: FloatArray,
     v: FloatArray,
     x_start: FloatArray,

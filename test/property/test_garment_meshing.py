@@ -5,13 +5,13 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from garment_sim_ros.garment.attachments import smoothed
-from garment_sim_ros.garment.connectivity import adjacency, components, edge_table
+from garment_sim_ros.garment.connectivity import adjacency, components
 from garment_sim_ros.garment.isosurface import clipped, surface_net
 from garment_sim_ros.garment.mesh_repair import repaired
 from garment_sim_ros.garment.remesh import remeshed
 from garment_sim_ros.garment.slices import NORMALS, Profile, outline, sections
 from garment_sim_ros.garment.subdivide import subdivided
-from garment_sim_ros.geometry.topology import boundary_loops, non_manifold_edges
+from garment_sim_ros.geometry.topology import boundary_loops, edge_table, non_manifold_edges
 
 CHECKED = settings(derandomize=True, deadline=None, max_examples=25)
 

@@ -6,14 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive import naive_layers
 
-from garment_sim_ros.geometry.topology import mesh_topology
+from garment_sim_ros.geometry.topology import mesh_topology, triangles_across
 from garment_sim_ros.sim.layers.kernels import (
     find_close_one_way,
     find_triangles,
     part_one_way,
     take_from_neighbours,
 )
-from garment_sim_ros.sim.layers.pair import Meeting, neighbours
+from garment_sim_ros.sim.layers.pair import Meeting
 
 SPACING = 0.02
 REACH = 2.0 * SPACING
@@ -60,7 +60,7 @@ def meeting(mine, other, triangles, near, side=1.0, own=None, way=1.0, pushed=No
         np.zeros((n, 3), np.int32) if own is None else own,
         *(other[0], other[1], masses[1]),
         triangles=triangles,
-        neighbour=neighbours(triangles),
+        neighbour=triangles_across(triangles),
         near=near,
         close=np.zeros(n, np.int32),
         plane=np.zeros((n, 5), np.float32),

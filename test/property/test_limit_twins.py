@@ -1,4 +1,4 @@
-"""Leashes, backstops, and letting go of what is overstretched, against naive twins."""
+"""Distance limits, backstops, and letting go of what is overstretched, against naive twins."""
 
 import dataclasses
 
@@ -11,7 +11,7 @@ from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.contact.sides import LET_GO, PASSING, UNDER, Sides
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.sim.colliders import ColliderState
-from garment_sim_ros.sim.holds import backstop, leash
+from garment_sim_ros.sim.holds import backstop, distance_limit
 from garment_sim_ros.sim.holds.letting_go import LettingGo
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.state import State
@@ -30,7 +30,7 @@ def units(rng, n):
 
 @given(SEEDS, st.sampled_from([(0.0, 0.0), (0.0, 1e-3), (4e-3, 1e-3), (0.1, 0.02)]))
 @settings(derandomize=True, deadline=None, max_examples=30)
-def test_leash(seed, times):
+def test_distance_limit(seed, times):
     """Some touch a shape, some do not; fast and slow ones; within and after steps."""
     left, dt = times
     rng = np.random.default_rng(seed)
@@ -47,7 +47,7 @@ def test_leash(seed, times):
     end_x, end_v, start, normals, places, velocities, limits = exact
     held = 0
     for p in range(n):
-        end = naive_limits.leash(
+        end = naive_limits.distance_limit(
             *(end_x[p], end_v[p], start[p], normals[p] if shape[p] >= 0 else None),
             *(places[p] - left * velocities[p], velocities[p], limits[p], dt),
         )
@@ -55,7 +55,7 @@ def test_leash(seed, times):
             held += 1
             end_x[p], end_v[p] = end
     assert 5 < held < n - 1
-    assert held == leash.hold(
+    assert held == distance_limit.hold(
         *(x, v, x_start, shape, normal, place, velocity),
         *(np.float32(left), np.float32(dt), limit),
     )

@@ -95,7 +95,7 @@ def test_sweep(way, turn, least):
             np.float32(THICKNESS),
         )
         expected = naive_contact.sweep(
-            *(scene.shapes, scene.carry, scene.way.inner_radius.astype(np.float64)),
+            *(scene.shapes, scene.carry, scene.way.inscribed_radius.astype(np.float64)),
             *(side == UNDER, before, x_start, x_coast, THICKNESS),
         )
         # A way ten times as long as a radius, at a grazing angle, multiplies rounding.
@@ -153,7 +153,7 @@ def contact_arrays(rng, n, m):
 @given(SEEDS, st.floats(1e-3, 0.02), st.sampled_from([0.0, 0.3, 2.0]), st.booleans())
 @settings(derandomize=True, deadline=None, max_examples=40)
 def test_planes(seed, dt, friction, searched):
-    """What touched rides on, and is held or slips; a plane that is just met changes nothing.
+    """What touched moves with the shape, held or slipping; a plane just met changes nothing.
 
     Before a search what is deep comes up, but not all the way.
     """
@@ -170,7 +170,7 @@ def test_planes(seed, dt, friction, searched):
     place, ride = np.full((2, n, 3), 7.0, np.float32)
     planes = Planes(shape, normal, depth, place, ride)
     remember_planes(touched_at, x_start, planes, carry)
-    inner_radius = rng.uniform(0.02, 0.3, m).astype(np.float32)
+    inscribed_radius = rng.uniform(0.02, 0.3, m).astype(np.float32)
     expected = []
     for p in range(n):
         at, speed = x[p].astype(np.float64), v[p].astype(np.float64)
@@ -184,12 +184,12 @@ def test_planes(seed, dt, friction, searched):
             if not searched:
                 at, speed = naive_contact.touch_plane(*moves, out, pressed, friction, float(dt))
             elif not pressed:
-                radius = float(inner_radius[shape[p]])
+                radius = float(inscribed_radius[shape[p]])
                 at, speed = naive_contact.return_to_plane(*moves, out, radius, friction, float(dt))
         expected.append((at, speed))
     arrays = (x, v, x_start, planes)
     if searched:
-        return_to_planes(*arrays, inner_radius, friction, dt)
+        return_to_planes(*arrays, inscribed_radius, friction, dt)
     else:
         touch_planes(*arrays, friction, dt)
     np.testing.assert_allclose(x, [e[0] for e in expected], atol=2e-6)

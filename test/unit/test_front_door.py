@@ -345,7 +345,7 @@ class TestAvatar:
             avatar.dress("short_skirt", lenght=0.2)
 
     def test_a_mesh_is_put_on_the_body(self, avatar, tmp_path):
-        """From a file, and from arrays: the same garment, that rides on the body's bones."""
+        """From a file, and from arrays: the same garment, that follows the body's bones."""
         (tube,) = avatar.dress("short_skirt", vertices=300).garments
         path = tmp_path / "My Tube.obj"
         lines = [f"v {x:.17g} {y:.17g} {z:.17g}" for x, y, z in tube.vertices]
@@ -362,7 +362,7 @@ class TestAvatar:
         assert of_arrays.pins.tolist() == of_file.pins.tolist() != []
         (free,) = avatar.dress(plain, attachments="none", name="free").garments
         assert (free.name, free.pins.size) == ("free", 0)
-        # What rides on the body already is left alone.
+        # What follows the body already is left alone.
         assert avatar.dress(of_arrays).garments[0] is of_arrays
 
     def test_a_mesh_that_is_not_on_the_body(self, avatar):

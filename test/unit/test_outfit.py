@@ -61,12 +61,12 @@ def test_what_holds_a_garment_beside_its_pins(tmp_path, body):
     assert skirt.soft.damping.tolist() == [0.0, 0.0, 2.0]
     assert {skirt.frames[f] for f in skirt.soft.frame} == {body.humanoid["hips"]}
     assert skirt.tethers == 0.02
-    assert skirt.max_distance[[3, 4, 5]].tolist() == [0.2, 0.01, 0.01]
-    assert np.flatnonzero(np.isfinite(skirt.backstop)).tolist() == [7]
+    assert skirt.skin_limits["max_distance"][[3, 4, 5]].tolist() == [0.2, 0.01, 0.01]
+    assert np.flatnonzero(np.isfinite(skirt.skin_limits["backstop"])).tolist() == [7]
     assert skirt.self_collision == 0.003
     plain = load_outfit(outfit(tmp_path, SKIRT), body).garments[0]
     assert plain.self_collision is None
-    assert (plain.soft, plain.tethers, plain.backstop, plain.max_distance) == (None,) * 4
+    assert (plain.soft, plain.tethers, dict(plain.skin_limits)) == (None, None, {})
 
 
 def test_options_material_and_attachments(tmp_path, body):

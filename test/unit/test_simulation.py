@@ -102,7 +102,9 @@ def test_a_bone_is_found_by_its_frame_or_any_collider_and_a_collider_by_name(clo
 def test_missing_frames_are_all_listed(cloth):
     vertices, triangles = cloth.grid(3, 3)
     garment = cloth.garment(vertices, triangles, frame="hips")
-    with pytest.raises(GeometryError, match=r"'cloth' rides on 'hips'.*bones: bone.*frame_bone"):
+    with pytest.raises(
+        GeometryError, match=r"'cloth' is attached to 'hips'.*bones: bone.*frame_bone"
+    ):
         Simulation((garment,), cloth.colliders(BALL))
 
 

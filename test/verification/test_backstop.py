@@ -19,7 +19,9 @@ def test_a_falling_sheet_stops_there_and_goes_the_other_way_freely(cloth):
     """Its normal is up: falling is backwards, and each vertex has a distance of its own."""
     vertices, triangles = cloth.grid(6, 6)
     distance = np.where(vertices[:, 0] < 0.0, 0.02, np.inf)
-    sheet = dataclasses.replace(cloth.garment(vertices, triangles), backstop=distance)
+    sheet = dataclasses.replace(
+        cloth.garment(vertices, triangles), skin_limits={"backstop": distance}
+    )
     simulation = Simulation((sheet,), cloth.colliders())
     for _ in range(60):
         simulation.advance(at(0.0), at(0.0))

@@ -1,4 +1,4 @@
-"""Cloth that a leash pulls against a body rests on it; contacts hold from step to step."""
+"""Cloth that a distance limit pulls against a body rests; contacts hold from step to step."""
 
 import dataclasses
 import itertools
@@ -32,7 +32,9 @@ def sheet(cloth, n, height, limit=None, pins=(), **options):
     vertices[:, 2] = height
     garment = cloth.garment(vertices, triangles, pins, **options)
     distance = None if limit is None else np.full(len(vertices), limit)
-    return dataclasses.replace(garment, max_distance=distance)
+    return dataclasses.replace(
+        garment, skin_limits={} if distance is None else {"max_distance": distance}
+    )
 
 
 @pytest.mark.parametrize(
@@ -70,7 +72,7 @@ def test_cloth_whose_places_are_in_a_body_rests_on_it(cloth, kind, limit, deep, 
     # Contact wins: nothing is nearer than its thickness, to rounding, nor lifted off.
     nearest = min(naive.signed_distance(shape, p)[0] for p in x)
     assert nearest == pytest.approx(garment.material.thickness, abs=2e-5)
-    # The leash is tight, and overstretched where the body is in the way.
+    # The limit is tight, and overstretched where the body is in the way.
     assert simulation.health("cloth").held > 0
     away = np.linalg.norm(x - garment.vertices, axis=1)
     assert away.max() == pytest.approx(deep + garment.material.thickness, abs=1e-3)
@@ -80,7 +82,7 @@ def test_cloth_whose_places_are_in_a_body_rests_on_it(cloth, kind, limit, deep, 
     ("speed", "rate"), [(0.0, 0.0), (0.4, 0.0), (0.4, 0.7)], ids=["rest", "moves", "turns"]
 )
 @pytest.mark.parametrize(
-    ("layers", "limit"), [(1, None), (1, 0.01), (2, None)], ids=["alone", "leashed", "layers"]
+    ("layers", "limit"), [(1, None), (1, 0.01), (2, None)], ids=["alone", "limited", "layers"]
 )
 def test_contacts_of_the_step_before_are_known(cloth, speed, rate, layers, limit):
     """A turned body, whose poses are rounded; steps of a frame, and several in one call."""

@@ -13,7 +13,8 @@ from garment_sim_ros.colliders.segmentation.body_surface import body_surface
 from garment_sim_ros.colliders.segmentation.extremities import ENDS
 from garment_sim_ros.colliders.segmentation.segmentation import rig_joints, segment
 from garment_sim_ros.errors import GarmentSimError, GeometryError, ParameterError
-from garment_sim_ros.geometry.geodesics import iso_line, mesh_edges
+from garment_sim_ros.geometry.geodesics import iso_line
+from garment_sim_ros.geometry.topology import edge_table
 
 FILES = (
     "mh_female_young.glb",
@@ -31,7 +32,7 @@ def check_regions(vertices, triangles, result):
     assert result.region.shape == (len(vertices),)
     assert set(result.region.tolist()) == set(range(15))
     s = result.surface
-    pairs = np.concatenate([mesh_edges(s.triangles), s.bridges])
+    pairs = np.concatenate([edge_table(s.triangles)[0], s.bridges])
     for i, name in enumerate(REGIONS):
         mine = result.surface_region == i
         inside = pairs[mine[pairs].all(axis=1)]

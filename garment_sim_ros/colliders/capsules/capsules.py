@@ -13,13 +13,14 @@ from garment_sim_ros.arrays import FloatArray, LongArray
 from garment_sim_ros.body.major_bones import MajorBones, major_bones
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.capsules.capsule_fit import refine, slabs, union_distance
-from garment_sim_ros.colliders.regions import bone_weights, vertex_areas, vertex_normals
+from garment_sim_ros.colliders.regions import bone_weights, skin_normals
 from garment_sim_ros.contact.kinds.capsule import CAPSULE
 from garment_sim_ros.contact.kinds.sphere import SPHERE
 from garment_sim_ros.contact.shapes import Collider, ColliderSet, frame_of
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
+from garment_sim_ros.geometry.triangles import vertex_areas
 
 _CONTAINED = 0.97
 """Share of a patch's area that its capsules contain before `delta` is added."""
@@ -76,7 +77,7 @@ def fit_spheres(body: Body, *, delta: float = 0.0, thickness: float = 0.002) -> 
 
 
 def frame_colliders(bones: MajorBones) -> tuple[Collider, ...]:
-    """One ``frame_<joint>`` per major bone: what attachments and skinned shapes ride on.
+    """One ``frame_<joint>`` per major bone: what attachments and skinned shapes follow.
 
     That of the body's root is the first, see `ColliderSet.root`.
     """
@@ -91,8 +92,8 @@ def _fit(body: Body, delta: float, thickness: float, *, spheres: bool) -> Collid
     bones = major_bones(body)
     weights = bone_weights(body.skin, bones)
     owner = weights.argmax(axis=1)
-    areas = vertex_areas(body.skin)
-    normals = vertex_normals(body.skin)
+    areas = vertex_areas(body.skin.vertices, body.skin.triangles)
+    normals = skin_normals(body.skin)
     skin = MeshDistance(body.skin.vertices, body.skin.triangles)
     colliders: list[Collider] = []
     for m, name in enumerate(bones.names):

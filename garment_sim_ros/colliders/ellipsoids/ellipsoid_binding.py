@@ -1,9 +1,9 @@
 """Ellipsoids on a moving body (the future work that Gong et al. name).
 
-Every ellipsoid rides on the bone that carries most of its skin. One at a joint, whose skin several
-bones share, does not fit once the joint bends: it gets what `contact.ellipsoid_refit` needs to
-find the smallest ellipsoid around its skin in any pose. Of its vertices only those are kept that
-some pose needs.
+Every ellipsoid is fixed to the bone that moves most of its skin. One at a joint, whose skin
+several bones move, does not fit once the joint bends: it gets what `contact.ellipsoid_refit` needs
+to find the smallest ellipsoid around its skin in any pose. Of its vertices only those are kept
+that some pose needs.
 """
 
 from dataclasses import replace

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.geometry.mvee import Ellipsoid
+from garment_sim_ros.geometry.topology import edge_table
 
 _HALVINGS = 12
 
@@ -66,9 +67,8 @@ def border_points(
     """
     result: list[list[SkinPoints]] = [[] for _ in ellipsoids]
     corner = label[triangles]
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    edges = edge_table(triangles)[0]
     edges = edges[label[edges[:, 0]] != label[edges[:, 1]]]
-    edges = np.unique(np.sort(edges, axis=1), axis=0)
     if not len(edges):
         return result
     i, j = edges.T

@@ -10,6 +10,7 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.exact import orientation
+from garment_sim_ros.geometry.triangles import area_vectors
 
 _FLAT = 1e-4
 """A set of points thinner than this share of its size has no usable hull."""
@@ -30,8 +31,7 @@ class Hull:
     @cached_property
     def planes(self) -> FloatArray:
         """Outward unit normals and offsets, ``n . x <= offset`` inside, shape [f, 4]."""
-        a, b, c = self.vertices[self.faces].transpose(1, 0, 2)
-        normal = np.cross(b - a, c - a)
+        normal = area_vectors(self.vertices, self.faces)
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         offset = np.max(np.einsum("fk,fck->fc", normal, self.vertices[self.faces]), axis=1)
         return np.column_stack([normal, offset])
@@ -86,13 +86,13 @@ def convex_hull(points: FloatArray) -> Hull:
     number[qhull.vertices] = np.arange(len(qhull.vertices))
     faces = number[qhull.simplices]
     vertices = points[qhull.vertices]
-    a, b, c = vertices[faces].transpose(1, 0, 2)
-    inwards = np.einsum("fk,fk->f", np.cross(b - a, c - a), qhull.equations[:, :3]) < 0.0
+    normal = area_vectors(vertices, faces)
+    inwards = np.einsum("fk,fk->f", normal, qhull.equations[:, :3]) < 0.0
     faces[inwards] = faces[inwards][:, ::-1]
     return Hull(np.ascontiguousarray(vertices), np.ascontiguousarray(faces))
 
 
-def vertex_normals(hull: Hull) -> FloatArray:
+def corner_normals(hull: Hull) -> FloatArray:
     """Unit normals at the corners, faces weighted by their angle there, shape [n, 3]."""
     corner = hull.vertices[hull.faces]
     to_next = np.roll(corner, -1, axis=1) - corner
@@ -110,7 +110,7 @@ def inflate_vertices(hull: Hull, delta: float) -> Hull:
     Faces get less than `delta`: a face whose corners' normals lean away from its own by the
     angles g gains about ``delta cos g``. `clearance` tells how much.
     """
-    return convex_hull(hull.vertices + delta * vertex_normals(hull))
+    return convex_hull(hull.vertices + delta * corner_normals(hull))
 
 
 def inflate_planes(hull: Hull, delta: float) -> Hull:

@@ -12,12 +12,13 @@ from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.posing import ColliderPoser
-from garment_sim_ros.colliders.regions import bone_weights, vertex_areas
+from garment_sim_ros.colliders.regions import bone_weights
 from garment_sim_ros.colliders.report.fatness import fatness
 from garment_sim_ros.colliders.report.surfaces import surface
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import invert_transform, transform_from, transform_points
+from garment_sim_ros.geometry.triangles import vertex_areas
 
 _DIRECTIONS = 2000  # on round shapes: flat parts are off by less than 0.1 mm
 
@@ -36,7 +37,7 @@ def fit_report(body: Body, colliders: ColliderSet) -> dict[str, Any]:
         the whole body and each of the ``shapes`` how fat they are (see `fatness`).
     """
     distance = skin_distance(body, colliders)
-    area = vertex_areas(body.skin)
+    area = vertex_areas(body.skin.vertices, body.skin.triangles)
     bones = major_bones(body)
     owner = bone_weights(body.skin, bones).argmax(axis=1)
     kinds = [c.kind for c in colliders.colliders]

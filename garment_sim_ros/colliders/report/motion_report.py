@@ -10,10 +10,10 @@ from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.colliders.posing import ColliderPoser
-from garment_sim_ros.colliders.regions import vertex_areas
 from garment_sim_ros.colliders.report.fatness import Union
 from garment_sim_ros.contact.ellipsoid_refit import REFIT_KEYS
 from garment_sim_ros.contact.shapes import Collider, ColliderSet
+from garment_sim_ros.geometry.triangles import vertex_areas
 
 _AT_ALL = 1e-5
 """Skin that leaves the shapes by no more than this is inside [m]: single precision."""
@@ -57,7 +57,7 @@ def _outside(body: Body, colliders: ColliderSet, poses: Sequence[FloatArray]) ->
         union.move(poser.poses(T_world_joint))
         distance.append(union.distance(skinner.vertices(T_world_joint)))
     outside = np.maximum(np.array(distance), 0.0).astype(np.float64).ravel()
-    area = np.tile(vertex_areas(body.skin), len(poses))
+    area = np.tile(vertex_areas(body.skin.vertices, body.skin.triangles), len(poses))
     order = np.argsort(outside)
     rank = np.searchsorted(np.cumsum(area[order]), 0.99 * area.sum())
     return {

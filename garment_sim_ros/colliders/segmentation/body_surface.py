@@ -13,8 +13,8 @@ from scipy.spatial import cKDTree
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.geodesics import mesh_edges
-from garment_sim_ros.geometry.topology import boundary_loops
+from garment_sim_ros.geometry.topology import boundary_loops, edge_table
+from garment_sim_ros.geometry.triangles import triangle_areas
 
 _WELD = 1e-6
 """Vertices closer than this share of the body's size are one."""
@@ -111,11 +111,10 @@ def _joined(
 ) -> tuple[IntArray, FloatArray, IntArray, IntArray]:
     """Keep the largest part and what nearly touches it."""
     v = len(x)
-    edges = mesh_edges(triangles)
+    edges = edge_table(triangles)[0]
     links = coo_matrix((np.ones(len(edges), np.int8), (edges[:, 0], edges[:, 1])), shape=(v, v))
     _, label = connected_components(links, directed=False)
-    a, b, c = x[triangles].transpose(1, 0, 2)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    area = triangle_areas(x, triangles)
     part_area = np.bincount(label[triangles[:, 0]], area, minlength=int(label.max()) + 1)
     main = int(part_area.argmax())
     held = label == main

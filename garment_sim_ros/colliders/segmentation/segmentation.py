@@ -22,7 +22,8 @@ from garment_sim_ros.colliders.ellipsoids.thresholds import REGIONS, SIDES, TORS
 from garment_sim_ros.colliders.segmentation.body_surface import BodySurface, body_surface
 from garment_sim_ros.colliders.segmentation.feature_points import FeaturePoints, feature_points
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.geodesics import mesh_edges, mesh_graph
+from garment_sim_ros.geometry.geodesics import mesh_graph
+from garment_sim_ros.geometry.topology import edge_table
 
 _NEEDED = ("front", "crotch", "neck", "armpits")
 _DOUBT = 1.5
@@ -161,7 +162,7 @@ def _divide(surface: BodySurface, features: FeaturePoints) -> IntArray:
 
 def _connect(surface: BodySurface, region: IntArray) -> None:
     """Make every region connected: fragments go to the region they border most."""
-    pairs = np.concatenate([mesh_edges(surface.triangles), surface.bridges])
+    pairs = np.concatenate([edge_table(surface.triangles)[0], surface.bridges])
     v = len(region)
     for _ in range(len(REGIONS)):
         inner = region[pairs[:, 0]] == region[pairs[:, 1]]

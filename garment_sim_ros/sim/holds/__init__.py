@@ -1,1 +1,1 @@
-"""What limits or holds particles: tethers, leash, backstop, attachments."""
+"""What limits or holds particles: tethers, distance limits, backstops, attachments."""

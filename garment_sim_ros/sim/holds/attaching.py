@@ -1,10 +1,13 @@
 """What a garment's tethers and soft attachments are, from its mesh and its file."""
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.geodesics import mesh_edges, mesh_graph
+from garment_sim_ros.geometry.geodesics import mesh_graph
+from garment_sim_ros.geometry.topology import edge_table
 from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.placement import Frames, GarmentLike, places_in_frames
@@ -20,7 +23,7 @@ def attached_to(garment: GarmentLike, frames: Frames, model: ClothModel) -> Atta
 
     Args:
         garment: The garment.
-        frames: The frames that it rides on.
+        frames: The frames that it follows.
         model: Its particles.
 
     Raises:
@@ -87,12 +90,9 @@ def nearest_pins(model: ClothModel) -> tuple[IntArray, FloatArray]:
 
 def _groups(triangles: IntArray, pins: IntArray) -> list[IntArray]:
     """Pins that hang together by edges between them."""
-    edges = mesh_edges(triangles)
+    edges = edge_table(triangles)[0]
     edges = edges[np.isin(edges, pins).all(axis=1)]
-    label = np.arange(int(triangles.max()) + 1, dtype=np.int32)
-    while True:
-        low = label[edges].min(axis=1, initial=len(label))
-        if (label[edges] == low[:, None]).all():
-            return [pins[label[pins] == k] for k in np.unique(label[pins])]
-        for end in edges.T:
-            np.minimum.at(label, end, low)
+    n = int(triangles.max()) + 1
+    links = coo_matrix((np.ones(len(edges), np.int8), tuple(edges.T)), shape=(n, n))
+    _, label = connected_components(links, directed=False)
+    return [pins[label[pins] == k] for k in np.unique(label[pins])]

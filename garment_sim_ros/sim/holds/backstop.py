@@ -7,31 +7,34 @@ cloth stays outside all the same.
 
 import numpy as np
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.jit import kernel
-from garment_sim_ros.sim.holds.constraint import Constraint
+from garment_sim_ros.sim.holds.constraint import SkinLimit
 from garment_sim_ros.sim.holds.skin_places import SkinPlaces
 from garment_sim_ros.sim.holds.skinned import blended
 from garment_sim_ros.sim.placement import GarmentLike
-from garment_sim_ros.sim.state import State
+from garment_sim_ros.sim.state import State, Workspace
 
 
-class Backstop(Constraint):
-    """Holds one garment's free particles.
+class Backstop(SkinLimit):
+    """Holds one garment's free particles; see `SkinLimit`."""
 
-    Args:
-        garment: The garment; its `backstop` is not None.
-        places: Where its particles would be as skin, followed through each step.
-    """
+    effect = "a farthest distance behind skin"
 
-    def __init__(self, garment: GarmentLike, places: SkinPlaces) -> None:
-        assert garment.backstop is not None
+    def __init__(
+        self,
+        garment: GarmentLike,
+        distance: FloatArray,
+        places: SkinPlaces,
+        workspace: Workspace,
+    ) -> None:
         self._places = places
         x = np.asarray(garment.vertices, np.float64)
         normal = np.empty_like(x)
         vertex_normals(x, garment.triangles, normal)
         self._normal = places.carried(normal, 0.0)
-        self._distance = places.of(garment.backstop)
+        self._distance = places.of(distance)
 
     def hold(self, state: State, left: float, dt: float) -> int:
         """Takes forward what has gone too far back, and the velocity that leads on.
@@ -55,7 +58,7 @@ def hold(x, v, place, velocity, left, T, index, normal, distance):
             most n.
         velocity: How fast that moves [m/s], shape [f, 3].
         left: How long it is to the end of the step [s].
-        T: Transforms of the frames that the garment rides on, shape [b, 3, 4].
+        T: Transforms of the frames that the garment follows, shape [b, 3, 4].
         index: Those that each particle follows, shape [f, k].
         normal: Its normal as skin in each, see `holds.skinned.blended`, shape [f, k, 4].
         distance: How far behind it may be [m], shape [f].

@@ -5,7 +5,10 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.sim.state import State
+from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.sim.holds.skin_places import SkinPlaces
+from garment_sim_ros.sim.placement import GarmentLike
+from garment_sim_ros.sim.state import State, Workspace
 
 
 class Constraint(ABC):
@@ -35,3 +38,26 @@ class Constraint(ABC):
 
     def forget(self) -> None:  # noqa: B027
         """What follows does not depend on what was before: the garment was put elsewhere."""
+
+
+class SkinLimit(Constraint):
+    """Limits how free particles lie to their places as skin.
+
+    Args:
+        garment: The garment.
+        distance: What the limit is for each vertex [m], infinite for none, shape [v].
+        places: Where its particles would be as skin, followed through each step.
+        workspace: Of its solver; tells where it touches.
+    """
+
+    effect: str
+    """What it is, in words."""
+
+    @abstractmethod
+    def __init__(
+        self,
+        garment: GarmentLike,
+        distance: FloatArray,
+        places: SkinPlaces,
+        workspace: Workspace,
+    ) -> None: ...

@@ -17,7 +17,7 @@ class SkinPlaces:
 
     Args:
         garment: The garment.
-        frames: The b frames that it rides on.
+        frames: The b frames that it follows.
         model: Its particles.
 
     Attributes:

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from garment_sim_ros.arrays import IntArray, SingleArray
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
-from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology
+from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology, triangles_across
 from garment_sim_ros.jit import compiled
 from garment_sim_ros.sim.layers.kernels import (
     PARTING_SPEED,
@@ -218,7 +218,7 @@ def _meeting(
         other_v=other_state.v,
         other_inverse_mass=it.inverse_mass,
         triangles=triangles,
-        neighbour=neighbours(triangles),
+        neighbour=triangles_across(triangles),
         near=np.full(len(me), -1, np.int32),
         close=np.zeros(len(me), np.int32),
         plane=np.zeros((len(me), 5), np.float32),
@@ -249,22 +249,6 @@ def _is_under(inner: ClothModel, outer: ClothModel) -> NDArray[np.bool_]:
     gap, closest, _ = MeshDistance(x, outer.triangles).signed_distance(inner.rest)
     to_border, _ = cKDTree(x[np.concatenate(loops)]).query(closest)
     return (np.abs(gap) < _BEYOND) | (to_border > _edge_length(outer))
-
-
-def neighbours(triangles: IntArray) -> IntArray:
-    """The triangle across each edge ab, bc, ca; -1 at a border or where more than two meet."""
-    if not len(triangles):
-        return np.zeros((0, 3), np.int32)
-    ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
-    _, edge, count = np.unique(
-        np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    order = np.argsort(edge.ravel(), kind="stable")
-    twin = np.full(len(ends), -1, np.int32)
-    first = np.concatenate([[0], np.cumsum(count)[:-1]])[count == 2]
-    a, b = order[first], order[first + 1]
-    twin[a], twin[b] = b // 3, a // 3
-    return twin.reshape(-1, 3)
 
 
 def _one_at_each(model: ClothModel) -> IntArray:

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.collide import Contacts
-from garment_sim_ros.geometry.topology import mesh_topology
+from garment_sim_ros.geometry.topology import edge_table, mesh_topology, triangles_across
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.holds.constraint import Constraint
-from garment_sim_ros.sim.layers.pair import neighbours
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.self_collision.expected_motion import drift, expect
 from garment_sim_ros.sim.self_collision.near_pairs import find_pairs
@@ -118,7 +117,7 @@ class Swept(NamedTuple):
 
 def in_patches(triangles: IntArray) -> tuple[IntArray, IntArray]:
     """Triangles in the order of connected patches, and the first of each patch, shape [p + 1]."""
-    beyond = neighbours(triangles)
+    beyond = triangles_across(triangles)
     taken = np.zeros(len(triangles), bool)
     order: list[int] = []
     first = [0]
@@ -309,7 +308,7 @@ class SelfCollision(Constraint):
 
 def _wings(triangles: IntArray) -> IntArray:
     """The corner across edges ab, bc, ca, -1 at a border, shape [t, 3]."""
-    beyond = neighbours(triangles)
+    beyond = triangles_across(triangles)
     wing = np.full((len(triangles), 3), -1, np.int32)
     for k in range(3):
         t = np.flatnonzero(beyond[:, k] >= 0)
@@ -326,7 +325,6 @@ def _owned(triangles: IntArray) -> NDArray[np.uint8]:
     corner = np.arange(3 * len(triangles)) % 3
     _, first = np.unique(triangles, return_index=True)
     owned[first] |= (1 << corner[first]).astype(np.uint8)
-    ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
-    _, first = np.unique(np.sort(ends, axis=1), axis=0, return_index=True)
+    _, first = np.unique(edge_table(triangles)[1], return_index=True)
     owned[first] |= (8 << corner[first]).astype(np.uint8)
     return np.bitwise_or.reduce(owned.reshape(-1, 3), axis=1)

@@ -160,7 +160,7 @@ def respond(
             # Onto the surface, for what rounding has left.
             back = _ONE / np.sqrt(hx * hx + hy * hy + hz * hz + _TINY)
             hx, hy, hz = hx * back, hy * back, hz * back
-            # The hit rides on the ellipsoid from where it was to the end of the step.
+            # The hit moves with the ellipsoid from where it was to the end of the step.
             x, y, z = hx * sx, hy * sy, hz * sz
             qx = ox + a00 * x + a10 * y + a20 * z
             qy = oy + a01 * x + a11 * y + a21 * z

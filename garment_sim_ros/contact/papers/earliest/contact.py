@@ -105,7 +105,7 @@ def _fill(shapes, posed, thickness, start, end):
         C = posed.carry[k]
         R = posed.rotation[k]
         for r in range(3):
-            # A point p that rides the shape ends at p + C p + offset: back by the transpose.
+            # A point p fixed to the shape ends at p + C p + offset: back by the transpose.
             centre = 0.0
             for c in range(3):
                 turned = C[c, r] + (1.0 if c == r else 0.0)

@@ -95,7 +95,7 @@ def begin_sub_step(
     keep,
     dt,
 ):
-    """Free particles coast and fall, pinned ones ride.
+    """Free particles coast and fall, pinned ones follow their bones.
 
     Args:
         x: Positions, changed in place [m], shape [n, 3].
@@ -104,7 +104,7 @@ def begin_sub_step(
         x_start: Output, positions before [m], shape [n, 3].
         behind: Output, see `predict_with_share`, shape [n, 3].
         share: See `predict_with_share`, shape [free].
-        pin_collider: Collider that each pin rides on, shape [p].
+        pin_collider: Collider that each pin follows, shape [p].
         pin_position: Its place in that collider's frame [m], shape [p, 3].
         position: Of all colliders at the end of the sub-step [m], shape [c, 3].
         orientation: Their unit quaternions, shape [c, 4].

@@ -130,7 +130,7 @@ def _stop_the_fast(piece: Piece, colliders: ColliderState) -> int:
 
 
 def _predict(piece: Piece, step: Step) -> None:
-    """Free particles coast and fall, pins ride, what a fast shape would pass is stopped."""
+    """Free particles coast and fall, pins follow bones, a fast shape stops what it would pass."""
     model, state, workspace = piece.model, piece.state, _workspace(piece)
     colliders, ties = step.colliders, workspace.ties
     now = colliders.now
@@ -194,7 +194,7 @@ def _descend(piece: Piece, step: Step) -> None:
         workspace.past,
         workspace.contacts,
         colliders.posed.carry,
-        colliders.sweep.inner_radius,
+        colliders.sweep.inscribed_radius,
         np.float32(piece.model.material.friction),
         np.float32(workspace.lift),
         swift,

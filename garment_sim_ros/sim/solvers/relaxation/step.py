@@ -67,7 +67,7 @@ def finish(piece: Piece) -> None:
 
 
 def _predict(piece: Piece, colliders: ColliderState, h: np.float32) -> None:
-    """Free particles fall, pins ride."""
+    """Free particles fall, pins follow their bones."""
     model, state, workspace = piece.model, piece.state, piece.workspace
     free = model.free_count
     predict(

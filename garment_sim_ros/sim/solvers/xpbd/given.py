@@ -55,7 +55,7 @@ class Elastic(NamedTuple):
         ready: Edges and hinges.
         coarse: A coarse level of the edges.
         attached: Tethers and soft attachments.
-        pin_collider: Collider that each pin rides on, shape [p].
+        pin_collider: Collider that each pin follows, shape [p].
         pin_position: Its place in that collider's frame [m], shape [p, 3].
     """
 

@@ -6,6 +6,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from garment_sim_ros.arrays import IntArray
 from garment_sim_ros.geometry.colouring import colour_springs
+from garment_sim_ros.geometry.topology import edge_table
 
 
 def rings(edges: IntArray, seeds: IntArray, n: int) -> IntArray:
@@ -29,11 +30,10 @@ def inward_levels(triangles: IntArray, free_count: int) -> IntArray:
         A level for each particle, shape [n].
     """
     n = int(triangles.max()) + 1
-    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    unique, count = np.unique(sides, axis=0, return_counts=True)
+    edges, _, count = edge_table(triangles)
     if free_count < n:
-        return -rings(unique, np.arange(free_count, n, dtype=np.int32), n)
-    return rings(unique, np.unique(unique[count == 1]), n)
+        return -rings(edges, np.arange(free_count, n, dtype=np.int32), n)
+    return rings(edges, np.unique(edges[count == 1]), n)
 
 
 def inward_order(edges: IntArray, triangles: IntArray, free_count: int) -> IntArray:

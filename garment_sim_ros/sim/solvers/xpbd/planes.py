@@ -16,7 +16,7 @@ import numpy as np
 from garment_sim_ros.jit import kernel
 
 _SHALLOW = np.float32(0.02)
-"""Up to this depth, in inner radii of a shape, the normal is still that of the surface above."""
+"""Up to this depth, in inscribed radii of a shape, the normal is that of the surface above."""
 
 
 @kernel(forceinline=True)
@@ -26,7 +26,7 @@ def remember_planes(x, x_start, planes, carry):
     Args:
         x: Positions after the search [m], shape [n, 3].
         x_start: Positions at the start of that sub-step [m], shape [n, 3].
-        planes: `Planes`; output, places and rides.
+        planes: `Planes`; output, places and how far they move.
         carry: How points move with the shapes in a sub-step, see `PosedShapes`, shape [m, 3, 4].
     """
     shape, place = planes.shape, planes.place
@@ -110,7 +110,7 @@ def touch_planes(x, v, x_start, planes, friction, dt):
 
 
 @kernel(forceinline=True)
-def return_to_planes(x, v, x_start, planes, inner_radius, friction, dt):
+def return_to_planes(x, v, x_start, planes, inscribed_radius, friction, dt):
     """Contact with the planes before a search, of what is deep below them; it stays shallow there.
 
     What shapes press from two sides is left to the search.
@@ -120,7 +120,7 @@ def return_to_planes(x, v, x_start, planes, inner_radius, friction, dt):
         v: Likewise.
         x_start: Likewise.
         planes: `Planes`, which are not moved on.
-        inner_radius: Of each shape, see `contact.sweep.Sweep` [m], shape [m].
+        inscribed_radius: Of each shape, see `contact.sweep.Sweep` [m], shape [m].
         friction: As in `touch_planes`.
         dt: Likewise.
     """
@@ -142,7 +142,7 @@ def return_to_planes(x, v, x_start, planes, inner_radius, friction, dt):
             (place[p, 0] + rx - x[p, 0]) * nx
             + (place[p, 1] + ry - x[p, 1]) * ny
             + (place[p, 2] + rz - x[p, 2]) * nz
-        ) - _SHALLOW * inner_radius[c]
+        ) - _SHALLOW * inscribed_radius[c]
         if depth > zero:
             _lift(x, v, x_start, p, depth, (nx, ny, nz), (rx, ry, rz), friction, rate)
 

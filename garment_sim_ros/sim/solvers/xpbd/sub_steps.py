@@ -203,7 +203,7 @@ def meet(own, bodies, planes, rule, has_planes):
     x, v, x_start = own.x[:free], own.v[:free], own.x_start[:free]
     if has_planes:
         _leave_to_guard(planes.shape, bodies.guard.kept)
-        return_to_planes(x, v, x_start, planes, bodies.way.inner_radius, rule.grip, dt)
+        return_to_planes(x, v, x_start, planes, bodies.way.inscribed_radius, rule.grip, dt)
     sweep(
         bodies.shapes,
         bodies.since,

@@ -7,27 +7,29 @@ followed the bones as skin does; within that distance nothing acts on it.
 
 import numpy as np
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.jit import kernel
-from garment_sim_ros.sim.holds.constraint import Constraint
+from garment_sim_ros.sim.holds.constraint import SkinLimit
 from garment_sim_ros.sim.holds.skin_places import SkinPlaces
 from garment_sim_ros.sim.placement import GarmentLike
 from garment_sim_ros.sim.state import State, Workspace
 
 
-class Leash(Constraint):
-    """Holds one garment's free particles.
+class DistanceLimit(SkinLimit):
+    """Holds one garment's free particles; see `SkinLimit`."""
 
-    Args:
-        garment: The garment; its `max_distance` is not None.
-        places: Where its particles would be as skin, followed through each step.
-        workspace: Of its solver; tells where it touches.
-    """
+    effect = "a farthest distance from skin"
 
-    def __init__(self, garment: GarmentLike, places: SkinPlaces, workspace: Workspace) -> None:
-        assert garment.max_distance is not None
+    def __init__(
+        self,
+        garment: GarmentLike,
+        distance: FloatArray,
+        places: SkinPlaces,
+        workspace: Workspace,
+    ) -> None:
         self._places = places
         self._workspace = workspace
-        self._limit = places.of(garment.max_distance)
+        self._limit = places.of(distance)
 
     def hold(self, state: State, left: float, dt: float) -> int:
         """Takes back what has gone too far, and the velocity that leads on."""
@@ -50,7 +52,7 @@ class Leash(Constraint):
 
 @kernel()
 def hold(x, v, x_start, shape, normal, place, velocity, left, dt, limit):
-    """See `Leash.hold`.
+    """See `DistanceLimit.hold`.
 
     Args:
         x: Positions, changed in place [m], shape [n, 3].

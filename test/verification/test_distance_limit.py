@@ -22,7 +22,8 @@ STEP = 1 / 180
 def sheet(cloth, limit, pins=()):
     vertices, triangles = cloth.grid(6, 6)
     garment = cloth.garment(vertices, triangles, pins)
-    return dataclasses.replace(garment, max_distance=np.full(len(vertices), limit))
+    limits = {"max_distance": np.full(len(vertices), limit)}
+    return dataclasses.replace(garment, skin_limits=limits)
 
 
 def at(position):
