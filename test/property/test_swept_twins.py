@@ -124,8 +124,8 @@ def test_pinches(seed, count):
     off = []
     for p in range(n):
         k = int(rng.integers(count))
-        *place, is_held = stay_between(
-            *(scene.packed, scene.posed, side, p, x_start, *x[p], k),
+        place, is_held = stay_between(
+            *(scene.packed, scene.posed, side, p, x_start, tuple(x[p]), k),
             *np.float32([THICKNESS, rounding]),
         )
         pressing = [s for s, where in zip(scene.shapes, side[:, p]) if where != PASSING]

@@ -24,11 +24,19 @@ def dot(a, i, j):
 
 
 @kernel(inner=True)
-def sweep(start, way, triangles, slack, boxes, normal, centre, radius, mean_way, sway):
-    """Boxes of triangles that go their ways, larger by slack, [t, 6]; unit normals and centres.
+def sweep(start, way, triangles, slack, swept):
+    """Boxes of triangles that go their ways, larger by slack; unit normals and centres.
 
     Also how far corners are from the centre, their mean way, and how far theirs are from that.
+
+    Args:
+        start: Positions [m], shape [n, 3].
+        way: Where each particle goes from there [m], shape [n, 3].
+        triangles: Triangles as particles, shape [t, 3].
+        slack: How much larger boxes are on each side [m].
+        swept: `sim.self_collision.patches.Swept`, filled.
     """
+    boxes, normal, centre, mean_way = swept.boxes, swept.normal, swept.centre, swept.mean_way
     third = np.float32(1.0 / 3.0)
     for t in range(triangles.shape[0]):
         i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -63,8 +71,8 @@ def sweep(start, way, triangles, slack, boxes, normal, centre, radius, mean_way,
                 strays += (way[p, d] - mean_way[t, d]) ** 2
             farthest = max(farthest, away)
             differs = max(differs, strays)
-        radius[t] = np.sqrt(farthest)
-        sway[t] = np.sqrt(differs)
+        swept.radius[t] = np.sqrt(farthest)
+        swept.sway[t] = np.sqrt(differs)
 
 
 @kernel(inner=True)
