@@ -3,14 +3,14 @@
 import numpy as np
 
 from garment_sim_ros.geometry.mesh_distance import closest_on_triangle
-from garment_sim_ros.jit import kernel
+from garment_sim_ros.jit import lean_kernel
 
 _HALF = np.float32(0.5)
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def edge_weights(x, a, b, c, d):
     """Where two edges are nearest to each other: weights of b on ab and of d on cd, squared gap.
 
@@ -42,7 +42,7 @@ def edge_weights(x, a, b, c, d):
     return s, t, dx * dx + dy * dy + dz * dz
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def point_gap(x, p, i, j, k):
     """Squared distance of a particle to a triangle."""
     b, c, _ = closest_on_triangle(x[i], x[j], x[k], x[p, 0], x[p, 1], x[p, 2])
@@ -55,7 +55,7 @@ def point_gap(x, p, i, j, k):
     return dx * dx + dy * dy + dz * dz
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def height(x, normal, p, i, u):
     """Height of particle p over the plane of triangle u, whose first corner is i."""
     return (
@@ -65,7 +65,7 @@ def height(x, normal, p, i, u):
     )
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def crosses(x, a, b, i, j, k):
     """Whether the edge ab passes through a triangle."""
     ex, ey, ez = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import IntArray, SingleArray
-from garment_sim_ros.jit import kernel
+from garment_sim_ros.jit import lean_kernel
 from garment_sim_ros.sim.self_collision.gaps import crosses, edge_weights, height, point_gap
 from garment_sim_ros.sim.self_collision.swept_patches import (
     difference,
@@ -77,7 +77,7 @@ class Near(NamedTuple):
     reach: np.float32
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _meet(boxes, t, others, u):
     """Whether two boxes overlap."""
     return not (
@@ -90,7 +90,7 @@ def _meet(boxes, t, others, u):
     )
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _side_by_side(centre, rest_centre, i, j, far):
     """Whether two rows are neighbours at rest, and no nearer now than half as far as then."""
     now = difference(centre, i, j)
@@ -98,7 +98,7 @@ def _side_by_side(centre, rest_centre, i, j, far):
     return then < far * far and np.float32(4.0) * now > then
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _share_a_corner(triangles, t, u):
     """Whether two triangles have a corner in common."""
     for c in range(3):
@@ -108,7 +108,7 @@ def _share_a_corner(triangles, t, u):
     return False
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _beyond(start, normal, triangles, t, u, reach):
     """Whether a triangle is farther than reach from the plane of triangle u."""
     i = triangles[u, 0]
@@ -118,7 +118,7 @@ def _beyond(start, normal, triangles, t, u, reach):
     return min(min(ha, hb), hc) > reach or max(max(ha, hb), hc) < -reach
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _lie_side_by_side(swept, triangles, t, u, apart):
     """Whether two triangles are neighbours in cloth that is not folded there: they cannot touch.
 
@@ -139,7 +139,7 @@ def _lie_side_by_side(swept, triangles, t, u, apart):
     return facing > _ZERO and _share_a_corner(triangles, t, u)
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _patches_are_smooth(swept, a, b):
     """Whether no triangles of two patches, or of one, can touch, as there is no fold in them."""
     spread, flutter, calm = swept.spread, swept.flutter, swept.reach[2]
@@ -155,7 +155,7 @@ def _patches_are_smooth(swept, a, b):
     return spread[a] + spread[b] + between < right and apart < np.float32(2.0) * calm
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _is_their_cell(boxes, a, b, cells, cell):
     """Whether two boxes, which may share several cells, meet in this one.
 
@@ -176,7 +176,7 @@ def _is_their_cell(boxes, a, b, cells, cell):
     return (ix * ny + iy) * nz + iz == cell
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _add_points_and_crossings(start, way, mesh, normal, t, u, near, pairs):
     """Adds corners of triangle t that can get near to triangle u, and edges that pass through it.
 
@@ -213,7 +213,7 @@ def _add_points_and_crossings(start, way, mesh, normal, t, u, near, pairs):
                 crossings[n, 4], crossings[n, 5], crossings[n, 6] = i, j, k
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _add_edges(start, way, mesh, t, u, near, pairs):
     """Adds edges of two triangles that can get near to each other.
 
@@ -241,7 +241,7 @@ def _add_edges(start, way, mesh, t, u, near, pairs):
                     pairs.edge_limit[n] = min(near.distance, np.sqrt(gap))
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _add_pairs(start, way, mesh, normal, t, u, near, pairs):
     """Adds what two triangles have that can get near to each other.
 
@@ -265,7 +265,7 @@ def _add_pairs(start, way, mesh, normal, t, u, near, pairs):
     _add_edges(start, way, mesh, t, u, near, pairs)
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _look_in_patches(start, way, mesh, swept, a, b, distance, margin, pairs):
     """Adds what triangles of patch a and of patch b have; once where they are the same."""
     triangles, first, boxes, patch_boxes = (
@@ -292,7 +292,7 @@ def _look_in_patches(start, way, mesh, swept, a, b, distance, margin, pairs):
             _add_pairs(start, way, mesh, swept.normal, t, u, near, pairs)
 
 
-@kernel()
+@lean_kernel()
 def find_pairs(start, way, mesh, swept, grid, distance, margin, pairs):
     """All that can come nearer than `distance` while particles go their expected ways.
 

@@ -7,7 +7,7 @@ import numpy as np
 from garment_sim_ros.arrays import IntArray, SingleArray
 from garment_sim_ros.geometry.mesh_distance import closest_on_triangle
 from garment_sim_ros.geometry.vectors import dot, row
-from garment_sim_ros.jit import kernel
+from garment_sim_ros.jit import lean_kernel
 from garment_sim_ros.sim.self_collision.gaps import edge_weights
 
 _ZERO = np.float32(0.0)
@@ -35,7 +35,7 @@ class Lying(NamedTuple):
     normal: SingleArray
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _over_triangle(x, p, i, j, k):
     """A triangle's unit normal, and the height of a particle over it; zeros if degenerate."""
     ex, ey, ez = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]
@@ -54,7 +54,7 @@ def _over_triangle(x, p, i, j, k):
     return nx, ny, nz, h
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _between_edges(x, a, b, c, d):
     """Common unit normal of edges ab and cd, and how far along it cd is; zeros if parallel."""
     ex, ey, ez = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
@@ -74,7 +74,7 @@ def _between_edges(x, a, b, c, d):
     return nx, ny, nz, h
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _on_the_way(before, x, i, j, s):
     """Particle i less particle j at the part s of a step."""
     r = _ONE - s
@@ -85,7 +85,7 @@ def _on_the_way(before, x, i, j, s):
     )
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def point_contact(before, x, p, i, j, k, limit):
     """Whether a particle came too near to a triangle, or through it, in a step.
 
@@ -142,7 +142,7 @@ def point_contact(before, x, p, i, j, k, limit):
     return limit - gap, (dx * scale, dy * scale, dz * scale), b, c, False
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def edge_contact(before, x, a, b, c, d, limit):
     """Whether an edge came too near to another one, or through it, in a step.
 
@@ -201,7 +201,7 @@ def edge_contact(before, x, a, b, c, d, limit):
     return limit - abs(h), (side * nx, side * ny, side * nz), s, t, False
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _ease(lying, p, share, normal):
     """Inverse mass of a particle for a push along `share` times a direction.
 
@@ -216,7 +216,7 @@ def _ease(lying, p, share, normal):
     return w * max(_ONE - into * into, _ZERO)
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _part(x, v, lying, four, share, normal, depth, friction):
     """Moves four particles apart along a direction.
 
@@ -273,13 +273,13 @@ def _part(x, v, lying, four, share, normal, depth, friction):
     return True
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _four(table, e):
     """Row e of a table of particles, shape [any, 4]."""
     return table[e, 0], table[e, 1], table[e, 2], table[e, 3]
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _part_points(before, x, v, lying, tangled, pairs, friction):
     """Moves particles and triangles apart: how many pairs touched, and how many went through."""
     touched = through = 0
@@ -296,7 +296,7 @@ def _part_points(before, x, v, lying, tangled, pairs, friction):
     return touched, through
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _part_edges(before, x, v, lying, tangled, pairs, friction):
     """The same of edges."""
     touched = through = 0
@@ -312,7 +312,7 @@ def _part_edges(before, x, v, lying, tangled, pairs, friction):
     return touched, through
 
 
-@kernel()
+@lean_kernel()
 def keep_apart(before, x, v, lying, tangled, pairs, friction, passes):
     """Moves pairs apart that came too near, and back those that went through each other.
 

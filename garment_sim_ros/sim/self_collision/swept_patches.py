@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from garment_sim_ros.jit import kernel
+from garment_sim_ros.jit import lean_kernel
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def difference(a, i, j):
     """Squared distance of two rows."""
     dx = a[i, 0] - a[j, 0]
@@ -17,13 +17,13 @@ def difference(a, i, j):
     return dx * dx + dy * dy + dz * dz
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def dot(a, i, j):
     """Dot product of two rows."""
     return a[i, 0] * a[j, 0] + a[i, 1] * a[j, 1] + a[i, 2] * a[j, 2]
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def sweep(start, way, triangles, slack, swept):
     """Boxes of triangles that go their ways, larger by slack; unit normals and centres.
 
@@ -75,7 +75,7 @@ def sweep(start, way, triangles, slack, swept):
         swept.sway[t] = np.sqrt(differs)
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def sweep_patches(first, swept):
     """The same of patches of triangles, which begin at first [p + 1]; the last box is that of all.
 
@@ -121,13 +121,13 @@ def sweep_patches(first, swept):
         spread[p] = np.arccos(max(least, -_ONE))
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _cell_range(box, low, scale, d):
     """First cell along an axis that a box covers, and the one after the last."""
     return int((box[d] - low[d]) * scale), int((box[3 + d] - low[d]) * scale) + 1
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def sort_into_cells(boxes, cell_start, entry):
     """Counting sort of boxes, the last of which is that of all, by the cells that they cover.
 
