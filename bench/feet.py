@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray
-from garment_sim_ros.body.feet_pass import FOOT
 from garment_sim_ros.body.kinematics import ForwardKinematics
+from garment_sim_ros.body.leg_reach import FOOT
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skin import Body

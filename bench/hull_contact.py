@@ -29,7 +29,8 @@ from garment_sim_ros.body.skin import Body
 from garment_sim_ros.collider_params import HullSettings
 from garment_sim_ros.colliders.hulls.hulls import fit_hulls
 from garment_sim_ros.contact.broad_phase import DIAGONAL
-from garment_sim_ros.contact.collide import Contacts, collide
+from garment_sim_ros.contact.collide import collide
+from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.contact.packed import PosedShapes, pose
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.contact.sides import Sides

@@ -16,7 +16,7 @@ from garment_sim_ros.colliders.capsules.capsules import fit_capsules, fit_sphere
 from garment_sim_ros.colliders.ellipsoids.ellipsoid_binding import fit_ellipsoids
 from garment_sim_ros.colliders.hulls.hulls import fit_hulls
 from garment_sim_ros.colliders.report.surfaces import surface
-from garment_sim_ros.contact.collide import shape_distance
+from garment_sim_ros.contact.distance import shape_distance
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.jit import kernel

@@ -20,7 +20,8 @@ from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT
 from garment_sim_ros.params import Environment
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.world.wind_field import WindOnCloth, wind_field
+from garment_sim_ros.sim.world.wind_field import wind_field
+from garment_sim_ros.sim.world.wind_on_cloth import WindOnCloth
 
 STEADY = {"wind": (3.0, 1.0, 0.0), "wind_drag": 1.2, "wind_lift": 0.4}
 WINDS = {

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.anatomy import SIDES, leg_length
 from garment_sim_ros.body.feet_lock import hold, touch
-from garment_sim_ros.body.feet_pass import FOOT, SHANK, THIGH, ground, missed, watch
+from garment_sim_ros.body.feet_pass import ground, missed, watch
+from garment_sim_ros.body.leg_reach import FOOT, SHANK, THIGH
 from garment_sim_ros.body.skeleton import Skeleton
 from garment_sim_ros.body.skin import Body
 

@@ -6,7 +6,8 @@ heel to ball. What the foot is then off its way fades when it is let go.
 
 import numpy as np
 
-from garment_sim_ros.body.feet_pass import bend_leg, reachable, smooth_step
+from garment_sim_ros.body.feet_pass import smooth_step
+from garment_sim_ros.body.leg_reach import bend_leg, reachable
 from garment_sim_ros.jit import kernel
 
 CLOSED = 0.015

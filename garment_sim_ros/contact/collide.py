@@ -10,345 +10,246 @@ from typing import NamedTuple
 
 import numpy as np
 
-from garment_sim_ros.arrays import IntArray, SingleArray
-from garment_sim_ros.contact.block import (
-    DISTANCE,
-    NEAREST,
-    NEXT,
-    OUTER,
-    ROWS,
-    WHICH,
-    keep_nearest,
-    keep_nearest_by_side,
-    load_block,
-)
-from garment_sim_ros.contact.broad_phase import (
-    DIAGONAL,
-    shapes_near_box,
-    shapes_near_particle,
-    shapes_on_side,
-)
-from garment_sim_ros.contact.distance import (
-    deepest_shape,
-    nearest_of_block,
-    shape_distance,
-    shape_distances,
-)
+from garment_sim_ros.arrays import SingleArray
+from garment_sim_ros.contact.block import NEAREST, NEXT, OUTER, WHICH, load_block
+from garment_sim_ros.contact.broad_phase import DIAGONAL, shapes_near_box
+from garment_sim_ros.contact.contacts import Contacts
+from garment_sim_ros.contact.distance import nearest_of_block, shape_distance
 from garment_sim_ros.contact.friction import resist_slip
+from garment_sim_ros.contact.nearby import (
+    Nearby,
+    Reach,
+    Surface,
+    Vector,
+    deepest,
+    find_near,
+    find_on_side,
+    measure_block,
+    no_surface,
+)
 from garment_sim_ros.contact.packed import PackedShapes, PosedShapes
 from garment_sim_ros.contact.pinch import stay_between
 from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER, Sides
-from garment_sim_ros.contact.way_out import give_way, leave_all, leave_union
+from garment_sim_ros.contact.way_out import give_way, leave_union
 from garment_sim_ros.geometry.locality import BLOCK
+from garment_sim_ros.geometry.vectors import along, length, less, row
 from garment_sim_ros.jit import lean_kernel
 
 _ROUNDING = 1e-6
 """Error of a distance that is computed in one way or another, as a share of the coordinates."""
+_ZERO = np.float32(0.0)
+_FAR = np.float32(np.inf)
 
 
-class Contacts(NamedTuple):
-    """What `collide` found for each of n particles, and its scratch arrays.
+class Touch(NamedTuple):
+    """Where a particle touches a shape.
 
     Attributes:
-        shape: Index of the deepest shape among m packed ones, -1 without contact, shape [n].
-        normal: Its outward unit normal, set where there is contact, shape [n, 3].
-        depth: How deep the particle was in it [m], set where there is contact, infinite where
-            another shape presses it against that one, shape [n].
-        near: Scratch: shapes near a block, shape [m + 1].
-        distance: Scratch: distances of its particles to those [m], shape [m * BLOCK].
-        found: Scratch: shapes near a particle, shape [m + 1].
-        least: Scratch: their distances [m], shape [m + 1].
-        block: Scratch, see `contact.block`.
-        cell: Scratch, see `hull_distances`.
-        lane: See `cell`.
+        shape: The shape, -1 for none.
+        normal: Its outward unit normal.
+        depth: How deep the particle is in it [m]; infinite where another shape presses it there.
     """
 
-    shape: IntArray
-    normal: SingleArray
-    depth: SingleArray
-    near: IntArray
-    distance: SingleArray
-    found: IntArray
-    least: SingleArray
-    block: SingleArray
-    cell: IntArray
-    lane: IntArray
-
-    @classmethod
-    def room_for(cls, particles: int, shapes: int) -> "Contacts":
-        """Arrays for so many particles and shapes."""
-        return cls(
-            shape=np.full(particles, -1, np.int32),
-            normal=np.zeros((particles, 3), np.float32),
-            depth=np.zeros(particles, np.float32),
-            near=np.zeros(shapes + 1, np.int32),
-            distance=np.zeros(shapes * BLOCK, np.float32),
-            found=np.zeros(shapes + 1, np.int32),
-            least=np.zeros(shapes + 1, np.float32),
-            block=np.zeros(ROWS * BLOCK, np.float32),
-            cell=np.zeros(BLOCK, np.int32),
-            lane=np.zeros(BLOCK + 1, np.int32),
-        )
-
-
-@lean_kernel(inner=True)
-def _length(x, y, z):
-    return np.sqrt(x * x + y * y + z * z)
+    shape: np.int64
+    normal: Vector
+    depth: np.float32
 
 
 @lean_kernel(forceinline=True)
 def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, contacts):
     """One pass over all particles; see `collide`."""
-    zero = np.float32(0.0)
-    far = np.float32(np.inf)
-    near = contacts.near
-    found = contacts.found
-    least = contacts.least
-    block = contacts.block
-    distance = contacts.distance
-    flat = x.reshape(-1)
     touching = 0
-    touched = contacts.shape
-    touched[:] = -1
+    contacts.shape[:] = -1
     for begin in range(0, x.shape[0], BLOCK):
         end = min(begin + BLOCK, x.shape[0])
-        x0, y0, z0, x1, y1, z1 = load_block(flat, begin, end, block)
-        # A particle that is not moved farther than this meets no shape that is left out here.
-        valid = thickness + np.float32(0.125) * max(x1 - x0, y1 - y0, z1 - z0)
-        margin = valid + np.float32(DIAGONAL) * thickness
-        count = shapes_near_box(posed.box, x0, y0, z0, x1, y1, z1, margin, near)
-        if count == 0:
+        near, reach = _find_block(posed, x, begin, end, thickness, contacts)
+        if near == 0:
             continue
-        rounding = np.float32(_ROUNDING) * (
-            max(abs(x0), abs(x1)) + max(abs(y0), abs(y1)) + max(abs(z0), abs(z1)) + margin
-        )
-        rim = thickness + rounding
-        for c in range(count):
-            k = near[c]
-            shape_distances(shapes, posed, k, rim, block, contacts.cell, contacts.lane)
-            if sides.mixed[begin // BLOCK, k]:
-                keep_nearest_by_side(k, sides.side, begin, block)
-            else:
-                keep_nearest(k, block)
-            for p in range(BLOCK):
-                distance[c * BLOCK + p] = block[DISTANCE + p]
+        nearby = Nearby(shapes, posed, sides.side, near, reach, contacts)
+        measure_block(nearby, sides, begin)
         for p in range(begin, end):
-            lane = p - begin
-            nearest = block[NEAREST + lane]
-            outer = block[OUTER + lane]
-            if not min(nearest, outer) < rim:
-                continue
-            ox = px = x[p, 0]
-            oy = py = x[p, 1]
-            oz = pz = x[p, 2]
-            k = np.int64(-1)
-            nx = ny = nz = depth = away = firm = zero
-            pressed = False
-            if outer < rim:
-                n = shapes_near_particle(
-                    sides.side, p, PASSING, near, count, distance, lane, rim, found, least
-                )
-                if n > 0:
-                    px, py, pz, nx, ny, nz, k = give_way(
-                        shapes, posed, found, least, n, px, py, pz, thickness, rounding
-                    )
-                    away = _length(px - ox, py - oy, pz - oz)
-            if nearest - away < rim:
-                if away == zero:
-                    m = np.int64(block[WHICH + lane])
-                    d, mx, my, mz, firm = nearest_of_block(
-                        shapes, posed, m, block, lane, px, py, pz, rim
-                    )
-                    if block[NEXT + lane] < min(d, rim):
-                        # What seemed the nearest by a bound is not: an ellipsoid.
-                        n = shapes_near_particle(
-                            sides.side, p, UNDER, near, count, distance, lane, rim, found, least
-                        )
-                        d, mx, my, mz, m = deepest_shape(
-                            shapes,
-                            posed,
-                            found,
-                            least,
-                            n,
-                            rounding,
-                            px,
-                            py,
-                            pz,
-                            rim,
-                            m,
-                            d,
-                            mx,
-                            my,
-                            mz,
-                        )
-                else:
-                    n = shapes_on_side(
-                        posed.box, sides.side, p, UNDER, px, py, pz, thickness, found, least
-                    )
-                    d, mx, my, mz, m = deepest_shape(
-                        shapes,
-                        posed,
-                        found,
-                        least,
-                        n,
-                        rounding,
-                        px,
-                        py,
-                        pz,
-                        thickness,
-                        -1,
-                        far,
-                        zero,
-                        zero,
-                        zero,
-                    )
-                if thickness - d > zero:
-                    k, nx, ny, nz, depth = m, mx, my, mz, thickness - d
-                    if friction > zero:
-                        px, py, pz = resist_slip(
-                            posed.carry,
-                            k,
-                            px,
-                            py,
-                            pz,
-                            x_start[p, 0],
-                            x_start[p, 1],
-                            x_start[p, 2],
-                            nx,
-                            ny,
-                            nz,
-                            depth,
-                            friction,
-                        )
-                        slip = _length(px - ox, py - oy, pz - oz)
-                        if not slip + rounding < firm:
-                            d, mx, my, mz = shape_distance(shapes, posed, k, px, py, pz, rim)
-                    left = max(thickness - d, zero)
-                    qx = px + mx * left
-                    qy = py + my * left
-                    qz = pz + mz * left
-                    away = _length(qx - ox, qy - oy, qz - oz)
-                    # Farther out than `valid` are shapes that the block knows nothing of.
-                    if not (block[NEXT + lane] - away > rim and away + rounding <= valid):
-                        n = shapes_near_particle(
-                            sides.side,
-                            p,
-                            UNDER,
-                            near,
-                            count,
-                            distance,
-                            lane,
-                            rim + valid,
-                            found,
-                            least,
-                        )
-                        qx, qy, qz, there = leave_union(
-                            shapes,
-                            posed,
-                            found,
-                            least,
-                            n,
-                            valid,
-                            ox,
-                            oy,
-                            oz,
-                            px,
-                            py,
-                            pz,
-                            k,
-                            d,
-                            mx,
-                            my,
-                            mz,
-                            thickness,
-                            rounding,
-                        )
-                        if not there:
-                            qx, qy, qz = leave_all(
-                                shapes,
-                                posed,
-                                sides.side,
-                                p,
-                                ox,
-                                oy,
-                                oz,
-                                px,
-                                py,
-                                pz,
-                                k,
-                                d,
-                                mx,
-                                my,
-                                mz,
-                                thickness,
-                                rounding,
-                                found,
-                                least,
-                            )
-                        away = _length(qx - ox, qy - oy, qz - oz)
-                        ux, uy, uz = px + mx * left, py + my * left, pz + mz * left
-                        pressed = _length(qx - ux, qy - uy, qz - uz) > rounding
-                    px, py, pz = qx, qy, qz
-            if outer - away < rim:
-                if away < valid:
-                    n = shapes_near_particle(
-                        sides.side,
-                        p,
-                        OPPOSED,
-                        near,
-                        count,
-                        distance,
-                        lane,
-                        rim + away,
-                        found,
-                        least,
-                    )
-                else:
-                    n = shapes_on_side(
-                        posed.box, sides.side, p, OPPOSED, ox, oy, oz, thickness, found, least
-                    )
-                d, mx, my, mz, m = deepest_shape(
-                    shapes,
-                    posed,
-                    found,
-                    least,
-                    n,
-                    away + rounding,
-                    px,
-                    py,
-                    pz,
-                    thickness,
-                    -1,
-                    far,
-                    zero,
-                    zero,
-                    zero,
-                )
-                if thickness - d > zero:
-                    # All the way where nothing is under the cloth here, else half of it.
-                    way = thickness - d if k < 0 else np.float32(0.5) * (thickness - d)
-                    px, py, pz = px + mx * way, py + my * way, pz + mz * way
-                    if k < 0:
-                        k, nx, ny, nz, depth = m, mx, my, mz, way
-                    else:
-                        pressed, depth = True, far
-            if k < 0:
-                continue
-            if pressed:
-                px, py, pz, held = stay_between(
-                    shapes, posed, sides.side, p, x_start, px, py, pz, k, thickness, rounding
-                )
-                depth = far if held else depth
-            touching += 1
-            touched[p] = k
-            contacts.normal[p, 0] = nx
-            contacts.normal[p, 1] = ny
-            contacts.normal[p, 2] = nz
-            contacts.depth[p] = depth
-            x[p, 0] = px
-            x[p, 1] = py
-            x[p, 2] = pz
+            touching += _meet(nearby, p, p - begin, x, x_start, friction)
     return touching
+
+
+@lean_kernel(inner=True)
+def _find_block(posed, x, begin, end, thickness, contacts):
+    """How many shapes are near to particles begin to end - 1, and the `Reach` of these."""
+    x0, y0, z0, x1, y1, z1 = load_block(x.reshape(-1), begin, end, contacts.block)
+    valid = thickness + np.float32(0.125) * max(x1 - x0, y1 - y0, z1 - z0)
+    margin = valid + np.float32(DIAGONAL) * thickness
+    near = shapes_near_box(posed.box, x0, y0, z0, x1, y1, z1, margin, contacts.near)
+    rounding = np.float32(_ROUNDING) * (
+        max(abs(x0), abs(x1)) + max(abs(y0), abs(y1)) + max(abs(z0), abs(z1)) + margin
+    )
+    return near, Reach(thickness, rounding, thickness + rounding, valid)
+
+
+@lean_kernel(inner=True)
+def _meet(nearby, p, lane, x, x_start, friction):
+    """Moves a particle of the block out of the shapes near it.
+
+    Args:
+        nearby: `Nearby`, measured; what is found goes to its `contacts`.
+        p: The particle.
+        lane: Which of the block's particles this is.
+        x: Proposed positions [m], changed in place, shape [n, 3].
+        x_start: Positions at the start of the step [m], shape [n, 3].
+        friction: Coulomb coefficient.
+
+    Returns:
+        Whether it touches any.
+    """
+    reach, contacts = nearby.reach, nearby.contacts
+    nearest, outer = contacts.block[NEAREST + lane], contacts.block[OUTER + lane]
+    if not min(nearest, outer) < reach.rim:
+        return False
+    asked = place = row(x, p)
+    touch = Touch(np.int64(-1), (_ZERO, _ZERO, _ZERO), _ZERO)
+    away = _ZERO
+    pressed = False
+    if outer < reach.rim:
+        place, touch = _brush(nearby, p, lane, place)
+        away = length(less(place, asked))
+    if nearest - away < reach.rim:
+        start = row(x_start, p)
+        place, touch, pressed = _leave_under(
+            nearby, p, lane, asked, place, away, start, friction, touch
+        )
+        away = length(less(place, asked))
+    if outer - away < reach.rim:
+        place, touch, presses = _yield_to_opposed(nearby, p, lane, asked, place, away, touch)
+        pressed = pressed or presses
+    if touch.shape < 0:
+        return False
+    depth = touch.depth
+    if pressed:
+        place, held = stay_between(
+            *(nearby.shapes, nearby.posed, nearby.side, p, x_start, place, touch.shape),
+            *(reach.thickness, reach.rounding),
+        )
+        depth = _FAR if held else depth
+    contacts.shape[p] = touch.shape
+    contacts.normal[p, 0], contacts.normal[p, 1], contacts.normal[p, 2] = touch.normal
+    contacts.depth[p] = depth
+    x[p, 0], x[p, 1], x[p, 2] = place
+    return True
+
+
+@lean_kernel(inner=True)
+def _brush(nearby, p, lane, place):
+    """Moves a particle out of what passes its garment by, see `give_way`.
+
+    Returns:
+        The place [m], and the `Touch`.
+    """
+    found = find_near(nearby, p, lane, PASSING, nearby.reach.rim)
+    touch = Touch(np.int64(-1), (_ZERO, _ZERO, _ZERO), _ZERO)
+    if found > 0:
+        place, surface = give_way(nearby, found, place)
+        touch = Touch(surface.shape, surface.normal, _ZERO)
+    return place, touch
+
+
+@lean_kernel(inner=True)
+def _leave_under(nearby, p, lane, asked, place, away, start, friction, touch):
+    """Moves a particle out of the union of the shapes under the cloth, after friction.
+
+    Args:
+        nearby: `Nearby`.
+        p: The particle.
+        lane: Which of the block's particles this is.
+        asked: Where it was to go [m].
+        place: Where it is now [m].
+        away: How far that is from there [m].
+        start: Where it was at the start of the step [m].
+        friction: Coulomb coefficient.
+        touch: The `Touch` until now.
+
+    Returns:
+        The place [m], the `Touch`, and whether more than one shape presses.
+    """
+    reach, block = nearby.reach, nearby.contacts.block
+    surface, firm = _nearest_under(nearby, p, lane, place, away)
+    depth = reach.thickness - surface.distance
+    if not depth > _ZERO:
+        return place, touch, False
+    touch = Touch(surface.shape, surface.normal, depth)
+    if friction > _ZERO:
+        place = resist_slip(nearby.posed.carry, start, place, touch, friction)
+        slip = length(less(place, asked))
+        if not slip + reach.rounding < firm:
+            k = surface.shape
+            d, nx, ny, nz = shape_distance(
+                nearby.shapes, nearby.posed, k, place[0], place[1], place[2], reach.rim
+            )
+            surface = Surface(d, (nx, ny, nz), k)
+    out = along(place, surface.normal, max(reach.thickness - surface.distance, _ZERO))
+    away = length(less(out, asked))
+    # Farther out than `valid` are shapes that the block knows nothing of.
+    if block[NEXT + lane] - away > reach.rim and away + reach.rounding <= reach.valid:
+        return out, touch, False
+    found = find_near(nearby, p, lane, UNDER, reach.rim + reach.valid)
+    valid = reach.valid
+    free, there = place, False
+    while not there:
+        free, there = leave_union(nearby, found, valid, asked, place, surface)
+        if not there:
+            found, valid = find_on_side(nearby, p, UNDER, asked), _FAR
+    return free, touch, length(less(free, out)) > reach.rounding
+
+
+@lean_kernel(inner=True)
+def _nearest_under(nearby, p, lane, place, away):
+    """The surface of the shape under the cloth that a particle is deepest in.
+
+    Returns:
+        The `Surface`, and how far along it that stays as it is, at least [m].
+    """
+    reach, block = nearby.reach, nearby.contacts.block
+    surface, firm, limit = no_surface(), _ZERO, reach.thickness
+    if away != _ZERO:
+        found = find_on_side(nearby, p, UNDER, place)
+    else:
+        k = np.int64(block[WHICH + lane])
+        d, nx, ny, nz, firm = nearest_of_block(
+            *(nearby.shapes, nearby.posed, k, block, lane, place[0], place[1], place[2]),
+            reach.rim,
+        )
+        surface = Surface(d, (nx, ny, nz), k)
+        if not block[NEXT + lane] < min(d, reach.rim):
+            return surface, firm
+        # What seemed the nearest by a bound is not: an ellipsoid.
+        found, limit = find_near(nearby, p, lane, UNDER, reach.rim), reach.rim
+    return deepest(nearby, found, reach.rounding, place, limit, surface), firm
+
+
+@lean_kernel(inner=True)
+def _yield_to_opposed(nearby, p, lane, asked, place, away, touch):
+    """Moves a particle out of what presses the cloth from its outer side.
+
+    All the way where nothing is under the cloth there, else half of it.
+
+    Args: as `_leave_under`.
+
+    Returns:
+        The place [m], the `Touch`, and whether it is pressed against another shape.
+    """
+    reach = nearby.reach
+    if away < reach.valid:
+        found = find_near(nearby, p, lane, OPPOSED, reach.rim + away)
+    else:
+        found = find_on_side(nearby, p, OPPOSED, asked)
+    moved = away + reach.rounding
+    surface = deepest(nearby, found, moved, place, reach.thickness, no_surface())
+    depth = reach.thickness - surface.distance
+    if not depth > _ZERO:
+        return place, touch, False
+    if touch.shape < 0:
+        place = along(place, surface.normal, depth)
+        return place, Touch(surface.shape, surface.normal, depth), False
+    place = along(place, surface.normal, np.float32(0.5) * depth)
+    return place, Touch(touch.shape, touch.normal, _FAR), True
 
 
 def collide(

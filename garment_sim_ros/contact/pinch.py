@@ -3,7 +3,9 @@
 import numpy as np
 
 from garment_sim_ros.contact.distance import shape_distance
+from garment_sim_ros.contact.friction import moved_with
 from garment_sim_ros.contact.sides import LET_GO, PASSING
+from garment_sim_ros.geometry.vectors import along, dot, length, less, plus, row
 from garment_sim_ros.jit import lean_kernel
 
 _ROUNDS = 6
@@ -12,7 +14,7 @@ _FARTHEST = 4.0
 
 
 @lean_kernel(forceinline=True)
-def stay_between(shapes, posed, side, p, x_start, px, py, pz, k, thickness, rounding):
+def stay_between(shapes, posed, side, p, x_start, place, k, thickness, rounding):
     """Where particle p, which came out of more than one shape, is held between two of them.
 
     Moved out of one after the other, in each step from where its neighbours have pulled it, it
@@ -28,61 +30,76 @@ def stay_between(shapes, posed, side, p, x_start, px, py, pz, k, thickness, roun
         side: See `Sides`; passing shapes and those let go of press nothing.
         p: The particle.
         x_start: Positions at the start of the step [m], shape [n, 3].
-        px: Where it was moved to [m].
-        py: See `px`.
-        pz: See `px`.
+        place: Where it was moved to [m].
         k: The deepest shape.
         thickness: Distance to keep from the surfaces [m].
         rounding: What distances may be wrong by [m].
 
     Returns:
-        The place where it is held, p as it was where no two shapes press it; and whether they do.
+        The place where it is held, `place` as it was where no two shapes press it; and whether
+        they do.
     """
-    zero = np.float32(0.0)
-    far = np.float32(np.inf)
-    sx, sy, sz = x_start[p, 0], x_start[p, 1], x_start[p, 2]
-    C = posed.carry
-    cx = sx + C[k, 0, 0] * sx + C[k, 0, 1] * sy + C[k, 0, 2] * sz + C[k, 0, 3]
-    cy = sy + C[k, 1, 0] * sx + C[k, 1, 1] * sy + C[k, 1, 2] * sz + C[k, 1, 3]
-    cz = sz + C[k, 2, 0] * sx + C[k, 2, 1] * sy + C[k, 2, 2] * sz + C[k, 2, 3]
-    slip = np.sqrt((px - cx) ** 2 + (py - cy) ** 2 + (pz - cz) ** 2)
+    rode = row(x_start, p)
+    at = plus(rode, moved_with(posed.carry, k, rode))
+    slip = length(less(place, at))
     reach = thickness + min(slip, thickness) + rounding
     for step in range(_ROUNDS):
-        d1 = d2 = far
-        ax = ay = az = bx = by = bz = zero
-        # First the nearest shape, then the nearest of those that face it.
-        for turn in range(2):
-            for m in range(posed.box.shape[0]):
-                if side[m, p] == PASSING or side[m, p] == LET_GO:
-                    continue
-                d, nx, ny, nz = shape_distance(shapes, posed, m, cx, cy, cz, reach)
-                if turn == 0:
-                    if d < d1:
-                        d1, ax, ay, az = d, nx, ny, nz
-                elif d < d2 and nx * ax + ny * ay + nz * az < zero:
-                    d2, bx, by, bz = d, nx, ny, nz
-        if step == 0 and not d2 < far:
-            return px, py, pz, False
-        first = thickness - d1
-        second = thickness - d2
-        cosine = ax * bx + ay * by + az * bz
+        nearest, facing, a, b = _pressing(shapes, posed, side, p, at, reach)
+        if step == 0 and not facing < np.float32(np.inf):
+            return place, False
+        first = thickness - nearest
+        second = thickness - facing
+        cosine = dot(a, b)
         if not first > rounding:
             break
         if not second - first * cosine > rounding:
-            cx += first * ax
-            cy += first * ay
-            cz += first * az
+            at = along(at, a, first)
             continue
-        square = max(np.float32(1.0) - cosine * cosine, np.float32(1e-6))
-        a = (first - cosine * second) / square
-        b = (second - cosine * first) / square
-        farthest = np.float32(_FARTHEST) * first
-        if a * a + b * b + np.float32(2.0) * a * b * cosine > farthest * farthest:
-            a = (first - second) / (np.float32(2.0) - np.float32(2.0) * cosine)
-            b = -a
-        cx += a * ax + b * bx
-        cy += a * ay + b * by
-        cz += a * az + b * bz
-        if abs(a) + abs(b) < rounding:
+        out_of_first, out_of_second = _to_crease(first, second, cosine)
+        at = along(along(at, a, out_of_first), b, out_of_second)
+        if abs(out_of_first) + abs(out_of_second) < rounding:
             break
-    return cx, cy, cz, True
+    return at, True
+
+
+@lean_kernel(inner=True)
+def _pressing(shapes, posed, side, p, place, reach):
+    """The shape nearest to a place, and the nearest of those that face it.
+
+    Returns:
+        Distances of both [m], infinite above `reach`, and the unit directions out of them.
+    """
+    zero = np.float32(0.0)
+    d1 = d2 = np.float32(np.inf)
+    a = b = (zero, zero, zero)
+    for turn in range(2):
+        for m in range(posed.box.shape[0]):
+            if side[m, p] == PASSING or side[m, p] == LET_GO:
+                continue
+            d, nx, ny, nz = shape_distance(shapes, posed, m, place[0], place[1], place[2], reach)
+            n = (nx, ny, nz)
+            if turn == 0:
+                if d < d1:
+                    d1, a = d, n
+            elif d < d2 and dot(n, a) < zero:
+                d2, b = d, n
+    return d1, d2, a, b
+
+
+@lean_kernel(inner=True)
+def _to_crease(first, second, cosine):
+    """How far out of each of two shapes it is to where they meet, or to the middle between them.
+
+    Args:
+        first: Depth in the one [m].
+        second: Depth in the other [m].
+        cosine: Of the angle between the directions out of them.
+    """
+    square = max(np.float32(1.0) - cosine * cosine, np.float32(1e-6))
+    a = (first - cosine * second) / square
+    b = (second - cosine * first) / square
+    farthest = np.float32(_FARTHEST) * first
+    if a * a + b * b + np.float32(2.0) * a * b * cosine > farthest * farthest:
+        a = (first - second) / (np.float32(2.0) - np.float32(2.0) * cosine)
+        b = -a
+    return a, b

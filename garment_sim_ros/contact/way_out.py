@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from garment_sim_ros.contact.broad_phase import shapes_on_side
-from garment_sim_ros.contact.distance import deepest_shape
-from garment_sim_ros.contact.sides import UNDER
+from garment_sim_ros.contact.nearby import Surface, deepest, no_surface
+from garment_sim_ros.geometry.vectors import along, dot, length, less, plus
 from garment_sim_ros.jit import lean_kernel
 
 _PROJECTIONS = 8
@@ -15,28 +14,8 @@ _GRAZE = 0.05
 
 
 @lean_kernel(inner=True)
-def leave_union(
-    shapes,
-    posed,
-    near,
-    least,
-    count,
-    valid,
-    ox,
-    oy,
-    oz,
-    px,
-    py,
-    pz,
-    known,
-    d,
-    nx,
-    ny,
-    nz,
-    thickness,
-    rounding,
-):
-    """Moves a point out of the union of shapes, each inflated by `thickness`.
+def leave_union(nearby, found, valid, asked, place, surface):
+    """Moves a point out of the union of shapes, each inflated by the thickness.
 
     The rule does not depend on the order of the shapes. Out of the deepest one first: leaving a
     shallower one by its own depth would not get the point out of the deeper. Where that ends
@@ -48,182 +27,77 @@ def leave_union(
     the deepest shape, and then the next one, let go of it.
 
     Args:
-        shapes: Packed shapes.
-        posed: The same, posed.
-        near: The shapes, the first `count`.
-        least: Lower bounds of their distances from o [m].
-        count: Their number.
-        valid: How far from o these are all shapes that matter [m].
-        ox: A point.
-        oy: See `ox`.
-        oz: See `ox`.
-        px: The point that is to leave [m].
-        py: See `px`.
-        pz: See `px`.
-        known: A shape whose distance from p is known; -1 for none.
-        d: That distance [m]; infinite for none.
-        nx: Unit direction out of that shape.
-        ny: See `nx`.
-        nz: See `nx`.
-        thickness: See above [m].
-        rounding: What lower bounds may be wrong by [m].
+        nearby: `Nearby`.
+        found: How many shapes were found near `asked`.
+        valid: How far from there these are all shapes that matter [m].
+        asked: Where the point was to be [m].
+        place: Where it leaves from [m].
+        surface: `Surface` there that is known, or none.
 
     Returns:
-        The point: at `thickness` from the nearest shape, or pinched between shapes; and whether it
-        got there without going farther from o than `valid`.
+        The point: at the thickness from the nearest shape, or pinched between shapes; and whether
+        it got there without going farther from `asked` than `valid`.
     """
+    zero = np.float32(0.0)
+    thickness = nearby.reach.thickness
     # Rounding of a distance between coordinates of this size; not a length of the scene.
-    ulp = np.float32(4e-7) * (abs(px) + abs(py) + abs(pz))
-    sx = px
-    sy = py
-    sz = pz
-    mx = my = mz = np.float32(0.0)
-    hx = hy = hz = np.float32(0.0)
-    farthest = np.float32(0.0)
+    ulp = np.float32(4e-7) * (abs(place[0]) + abs(place[1]) + abs(place[2]))
+    start = place
+    ahead = halfway = (zero, zero, zero)
+    farthest = zero
     for attempt in range(_PROJECTIONS + _MARCHING_STEPS):
-        ux = px - ox
-        uy = py - oy
-        uz = pz - oz
-        moved = np.sqrt(ux * ux + uy * uy + uz * uz) + rounding
+        moved = length(less(place, asked)) + nearby.reach.rounding
         if moved > valid:
-            return px, py, pz, False
-        d, nx, ny, nz, known = deepest_shape(
-            shapes,
-            posed,
-            near,
-            least,
-            count,
-            moved,
-            px,
-            py,
-            pz,
-            thickness,
-            known,
-            d,
-            nx,
-            ny,
-            nz,
-        )
-        depth = thickness - d
-        ux = px - sx
-        uy = py - sy
-        uz = pz - sz
-        if attempt >= 2 and ux * ux + uy * uy + uz * uz > farthest * farthest:
-            return hx, hy, hz, True
+            return place, False
+        surface = deepest(nearby, found, moved, place, thickness, surface)
+        depth = thickness - surface.distance
+        way = less(place, start)
+        if attempt >= 2 and dot(way, way) > farthest * farthest:
+            return halfway, True
         if not depth > ulp:
-            return px, py, pz, True
+            return place, True
         if attempt < _PROJECTIONS:
-            mx += nx
-            my += ny
-            mz += nz
-            px += nx * depth
-            py += ny * depth
-            pz += nz * depth
+            ahead = plus(ahead, surface.normal)
+            place = along(place, surface.normal, depth)
             if attempt == 0:
                 farthest = np.float32(_FARTHEST) * depth
-            d = thickness  # just left
             if attempt < 2:
-                hx += np.float32(0.5) * px
-                hy += np.float32(0.5) * py
-                hz += np.float32(0.5) * pz
+                halfway = along(halfway, place, np.float32(0.5))
+            surface = Surface(thickness, surface.normal, surface.shape)  # just left
             continue
         if attempt == _PROJECTIONS:
-            length = np.sqrt(mx * mx + my * my + mz * mz)
-            if length < np.float32(1e-3):
-                return hx, hy, hz, True
-            mx /= length
-            my /= length
-            mz /= length
-        known = np.int64(-1)
-        d = np.float32(np.inf)
+            size = length(ahead)
+            if size < np.float32(1e-3):
+                return halfway, True
+            ahead = (ahead[0] / size, ahead[1] / size, ahead[2] / size)
         # To where the plane of the surface is met, but no farther than ten depths.
-        depth /= max(mx * nx + my * ny + mz * nz, np.float32(0.1))
-        px += mx * depth
-        py += my * depth
-        pz += mz * depth
-    return hx, hy, hz, True
+        depth /= max(dot(ahead, surface.normal), np.float32(0.1))
+        place = along(place, ahead, depth)
+        surface = no_surface()
+    return halfway, True
 
 
 @lean_kernel(inner=True)
-def leave_all(
-    shapes,
-    posed,
-    side,
-    p,
-    ox,
-    oy,
-    oz,
-    px,
-    py,
-    pz,
-    known,
-    d,
-    nx,
-    ny,
-    nz,
-    thickness,
-    rounding,
-    found,
-    least,
-):
-    """`leave_union` of all shapes under particle p."""
-    count = shapes_on_side(posed.box, side, p, UNDER, ox, oy, oz, thickness, found, least)
-    x, y, z, _ = leave_union(
-        shapes,
-        posed,
-        found,
-        least,
-        count,
-        np.float32(np.inf),
-        ox,
-        oy,
-        oz,
-        px,
-        py,
-        pz,
-        known,
-        d,
-        nx,
-        ny,
-        nz,
-        thickness,
-        rounding,
-    )
-    return x, y, z
-
-
-@lean_kernel(inner=True)
-def give_way(shapes, posed, near, least, count, px, py, pz, thickness, rounding):
+def give_way(nearby, found, place):
     """Moves a point out of the deepest of the shapes that its garment does not lie on.
 
     A hand that brushes a skirt pushes it, but only as long as it is not deeper than `_GRAZE`; from
     there on it gets weaker, and from twice that depth on the hand passes through: pushed
     on, the cloth would come out on its other side.
 
+    Args:
+        nearby: `Nearby`.
+        found: How many such shapes were found near the point.
+        place: The point [m].
+
     Returns:
-        The point, the unit direction in which it went, and the shape; -1 if there was none.
+        The point, and the surface that it was behind; its shape is -1 if there was none.
     """
-    z = np.float32(0.0)
-    d, nx, ny, nz, k = deepest_shape(
-        shapes,
-        posed,
-        near,
-        least,
-        count,
-        rounding,
-        px,
-        py,
-        pz,
-        thickness,
-        np.int64(-1),
-        np.float32(np.inf),
-        z,
-        z,
-        z,
-    )
-    depth = thickness - d
+    thickness = nearby.reach.thickness
+    surface = deepest(nearby, found, nearby.reach.rounding, place, thickness, no_surface())
+    depth = thickness - surface.distance
     if not depth > np.float32(0.0):
-        return px, py, pz, nx, ny, nz, -1
-    graze = np.float32(_GRAZE) * shapes.longest
+        return place, Surface(surface.distance, surface.normal, np.int64(-1))
+    graze = np.float32(_GRAZE) * nearby.shapes.longest
     push = min(depth, max(np.float32(0.0), graze + graze - depth))
-    return px + nx * push, py + ny * push, pz + nz * push, nx, ny, nz, k
+    return along(place, surface.normal, push), surface

@@ -112,17 +112,9 @@ def dressed(
     binding = bind(measures, mesh, covered)
     passed_by = _passed_by(measures, binding, upper)
     mesh = _over_colliders(name, mesh, measures, covered, material, colliders, passed_by)
-    if isinstance(attachments, str):
-        if attachments == NONE:
-            pins = np.zeros(0, dtype=np.int32)
-        else:
-            pins = shoulder_pins(measures, mesh) if upper else waist_pins(mesh)
-        frame = binding.heaviest(pins) if pins.size else 0
-        pin_frame = np.full(len(pins), frame, dtype=np.int32)
-        spring = np.tile([holds.stiffness, holds.damping], (len(pins), 1))
-    else:
-        pins, pin_frame, binding = _listed_pins(name, mesh, measures, binding, attachments)
-        spring = _listed_springs(attachments, holds)
+    pins, pin_frame, spring, binding = _attached(
+        name, mesh, measures, binding, attachments, holds, upper
+    )
     rigid = np.isinf(spring[:, 0])
     if holds.tethers is not None and not rigid.any():
         raise GeometryError(
@@ -159,6 +151,32 @@ def dressed(
         T_world_bone_rest=_bones_at_rest(measures),
     )
     return garment, notes
+
+
+def _attached(
+    name: str,
+    mesh: GarmentMesh,
+    measures: Measures,
+    binding: Binding,
+    attachments: str | Sequence[Attachment],
+    holds: Holds,
+    upper: bool,
+) -> tuple[IntArray, IntArray, FloatArray, Binding]:
+    """Attached vertices, their frames and springs, and the binding with the frames they need.
+
+    Raises:
+        GeometryError: An attachment that does not exist.
+    """
+    if not isinstance(attachments, str):
+        pins, frame, binding = _listed_pins(name, mesh, measures, binding, attachments)
+        return pins, frame, _listed_springs(attachments, holds), binding
+    if attachments == NONE:
+        pins = np.zeros(0, dtype=np.int32)
+    else:
+        pins = shoulder_pins(measures, mesh) if upper else waist_pins(mesh)
+    heaviest = binding.heaviest(pins) if pins.size else 0
+    frame = np.full(len(pins), heaviest, dtype=np.int32)
+    return pins, frame, np.tile([holds.stiffness, holds.damping], (len(pins), 1)), binding
 
 
 def _bones_at_rest(measures: Measures) -> dict[str, FloatArray]:

@@ -10,7 +10,8 @@ import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.colliders.posing import ColliderPoser
-from garment_sim_ros.contact.collide import Contacts, collide
+from garment_sim_ros.contact.collide import collide
+from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.contact.sides import Sides

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, SingleArray
-from garment_sim_ros.contact.collide import Contacts
+from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.contact.guard.guard import Guard
 from garment_sim_ros.contact.papers.earliest.contact import EarliestContact
 from garment_sim_ros.contact.sides import Sides

@@ -68,8 +68,8 @@ def update_velocities(
     v = np.asarray(v, dtype=np.float64) + (np.float64(x) - np.float64(x_predicted)) / dt
     for i, shape in enumerate(contact_shape):
         if shape >= 0:
-            ridden = (carry[shape, :, :3] @ x_start[i] + carry[shape, :, 3]) / dt
-            v[i] -= max(float((v[i] - ridden) @ contact_normal[i]), 0.0) * contact_normal[i]
+            moved_with = (carry[shape, :, :3] @ x_start[i] + carry[shape, :, 3]) / dt
+            v[i] -= max(float((v[i] - moved_with) @ contact_normal[i]), 0.0) * contact_normal[i]
     return v
 
 

@@ -13,7 +13,7 @@ from garment_sim_ros.arrays import FloatArray
 from naive.naive import Shape, signed_distance
 
 
-def ridden(carry: FloatArray, place: FloatArray) -> FloatArray:
+def moved_with(carry: FloatArray, place: FloatArray) -> FloatArray:
     """How far a point fixed to a shape moves, from the shape's carry [3, 4]."""
     return np.asarray(carry[:, :3] @ place + carry[:, 3])
 
@@ -59,7 +59,7 @@ def sweep(
         for _ in range(4):
             entries = []
             for k, shape in enumerate(shapes):
-                begin = start + ridden(carry[k], start)
+                begin = start + moved_with(carry[k], start)
                 way = x[p] - begin
                 length = float(np.linalg.norm(way))
                 inner = float(inscribed_radius[k]) + thickness
@@ -93,7 +93,7 @@ def stay_between(
     Args:
         shapes: Those that press.
         place: Where contact left it [m], shape [3].
-        start: Where it would be, had it ridden the deepest shape [m], shape [3].
+        start: Where it would be, had it moved_with the deepest shape [m], shape [3].
         thickness: Distance to keep from the surfaces [m].
         rounding: What distances may be wrong by [m].
     """

@@ -11,7 +11,8 @@ from numba import njit
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.colliders.hulls.hull import convex_hull
-from garment_sim_ros.contact.collide import Contacts, collide
+from garment_sim_ros.contact.collide import collide
+from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.contact.kinds.buried_faces import buried_planes
 from garment_sim_ros.contact.kinds.hull import hull_distance
 from garment_sim_ros.contact.kinds.packed_hulls import hull_planes, pack_hulls

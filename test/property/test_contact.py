@@ -4,7 +4,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from naive import naive
 
-from garment_sim_ros.contact.collide import Contacts, collide
+from garment_sim_ros.contact.collide import collide
+from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER, Sides

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from numba import njit
 
 from garment_sim_ros.colliders.hulls.hull import convex_hull
-from garment_sim_ros.contact.collide import Contacts, collide
+from garment_sim_ros.contact.collide import collide
+from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.contact.distance import shape_distance
 from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose

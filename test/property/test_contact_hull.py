@@ -9,7 +9,8 @@ from numba import njit
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.colliders.hulls.hull import convex_hull
-from garment_sim_ros.contact.collide import Contacts, collide
+from garment_sim_ros.contact.collide import collide
+from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.contact.kinds.face_grid import face_grid
 from garment_sim_ros.contact.kinds.hull import hull_distance
 from garment_sim_ros.contact.kinds.packed_hulls import hull_bound, hull_planes, pack_hulls

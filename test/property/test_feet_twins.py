@@ -8,7 +8,8 @@ from naive import naive_feet
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.body.feet_lock import hold, touch
-from garment_sim_ros.body.feet_pass import bend_leg, ground, missed, watch
+from garment_sim_ros.body.feet_pass import ground, missed, watch
+from garment_sim_ros.body.leg_reach import bend_leg
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.mocap.walk import walk

@@ -7,12 +7,8 @@ from hypothesis import strategies as st
 from naive import naive_layers
 
 from garment_sim_ros.geometry.topology import mesh_topology, triangles_across
-from garment_sim_ros.sim.layers.kernels import (
-    find_close_one_way,
-    find_triangles,
-    part_one_way,
-    take_from_neighbours,
-)
+from garment_sim_ros.sim.layers.kernels import find_close_one_way, part_one_way
+from garment_sim_ros.sim.layers.nearest import find_triangles, take_from_neighbours
 from garment_sim_ros.sim.layers.pair import Meeting
 
 SPACING = 0.02

@@ -6,26 +6,21 @@ import numpy as np
 import pytest
 from naive import naive_self_collision as naive
 
-from garment_sim_ros.contact.collide import Contacts
+from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.self_collision.garment import SelfCollision
-from garment_sim_ros.sim.self_collision.near_pairs import find_pairs
-from garment_sim_ros.sim.self_collision.self_contact import keep_apart
+from garment_sim_ros.sim.self_collision.near_pairs import Pairs, find_pairs
+from garment_sim_ros.sim.self_collision.self_contact import Lying, keep_apart
 
 SPACING = 0.02
 DISTANCE = 0.002
 
 
-def one(v):
-    return np.array([v], np.float32)
-
-
 @pytest.mark.parametrize("kind", ["points", "edges"])
 def test_pairs_part_as_the_twin_has_it(kind):
     random = np.random.default_rng(4)
-    none = np.zeros((0, 4), np.int32), np.zeros(0, np.float32), 0
     pair = np.arange(4, dtype=np.int32)[None]
     contact = naive.point_contact if kind == "points" else naive.edge_contact
     met = through = 0
@@ -40,10 +35,13 @@ def test_pairs_part_as_the_twin_has_it(kind):
         groups = (0, pair[0, 1:]) if split == 1 else (pair[0, :2], pair[0, 2:])
         found = contact(exact[0], exact[1], *groups, limit)
         naive.part(exact[1], exact[2], exact[3], pair[0], found, 0.4)
-        some = (pair, one(limit), 1)
-        both = (*some, *none) if split == 1 else (*none, *some)
-        nowhere = np.full(4, -1, np.int32), np.zeros((4, 3), np.float32), np.zeros(4, np.bool_)
-        touched, _ = keep_apart(before, x, v, mass, *nowhere, *both, np.float32(0.4), 1)
+        pairs = Pairs.room_for(1, 0)
+        pairs.points[:] = pairs.edges[:] = pair
+        pairs.point_limit[:] = pairs.edge_limit[:] = limit
+        pairs.counts[split - 1] = 1
+        nowhere = Lying(mass, np.full(4, -1, np.int32), np.zeros((4, 3), np.float32))
+        apart = np.zeros(4, np.bool_)
+        touched, _ = keep_apart(before, x, v, nowhere, apart, pairs, np.float32(0.4), 1)
         moves = found is not None and (mass > 0.0).any()
         assert touched == moves
         met += touched
@@ -73,12 +71,11 @@ def crumpled(cloth, seed):
 def search(collision, margin):
     c = collision
     find_pairs(
-        *(c._start, c._way, c._rest, c._triangles, c._wing, c._owned, c._first, c._swept),
-        *(c._grid, np.float32(DISTANCE), np.float32(margin)),
-        *(c._points, c._limits[0], c._edges, c._limits[1], c._crossings, c._counts),
+        *(c._start, c._way, c._mesh, c._swept, c._grid),
+        *(np.float32(DISTANCE), np.float32(margin), c._pairs),
     )
-    points, edges, crossings = c._counts
-    return c._points[:points], c._edges[:edges], c._crossings[:crossings]
+    points, edges, crossings = c._pairs.counts
+    return c._pairs.points[:points], c._pairs.edges[:edges], c._pairs.crossings[:crossings]
 
 
 def key(first, second):
@@ -91,7 +88,7 @@ def test_all_that_comes_near_on_its_way_is_found(cloth, seed):
     points, edges, found = search(collision, 0.0)
     pairs = {key(p[:1], p[1:]) for p in points} | {key(e[:2], e[2:]) for e in edges}
     start = collision._start.astype(np.float64)
-    triangles = collision._triangles
+    triangles = collision._mesh.triangles
     assert {(*sorted(c[:2]), *sorted(c[4:])) for c in found.tolist()} == {
         (*sorted(c[:2]), *sorted(c[2:])) for c in naive.crossings(start, triangles).tolist()
     }
@@ -125,7 +122,7 @@ def test_particles_may_stray_by_half_the_margin(cloth):
     pairs = {key(p[:1], p[1:]) for p in points}
     shift = random.normal(size=collision._start.shape)
     x = collision._start + 0.5 * margin * shift / np.linalg.norm(shift, axis=1, keepdims=True)
-    triangles = collision._triangles
+    triangles = collision._mesh.triangles
     missed = met = 0
     for p, t in itertools.product(range(len(x)), range(len(triangles))):
         corners = triangles[t]

@@ -124,17 +124,17 @@ def test_pinches(seed, count):
     off = []
     for p in range(n):
         k = int(rng.integers(count))
-        *place, is_held = stay_between(
-            *(scene.packed, scene.posed, side, p, x_start, *x[p], k),
+        place, is_held = stay_between(
+            *(scene.packed, scene.posed, side, p, x_start, tuple(x[p]), k),
             *np.float32([THICKNESS, rounding]),
         )
         pressing = [s for s, where in zip(scene.shapes, side[:, p]) if where != PASSING]
         if not pressing:
             assert not is_held
             continue
-        ridden = x_start[p] + naive_contact.ridden(scene.carry[k], x_start[p])
+        moved_with = x_start[p] + naive_contact.moved_with(scene.carry[k], x_start[p])
         expected, expected_held = naive_contact.stay_between(
-            pressing, x[p].astype(np.float64), ridden, THICKNESS, rounding
+            pressing, x[p].astype(np.float64), moved_with, THICKNESS, rounding
         )
         off.append(np.abs(np.array(place) - expected).max() + (is_held != expected_held))
     # Which of two shapes is nearest may be a matter of rounding.
@@ -177,7 +177,7 @@ def test_planes(seed, dt, friction, searched):
         if shape[p] < 0:
             assert (place[p] == 7.0).all()
         else:
-            way = naive_contact.ridden(carry[shape[p]].astype(np.float64), x_start[p])
+            way = naive_contact.moved_with(carry[shape[p]].astype(np.float64), x_start[p])
             pressed = bool(np.isinf(depth[p]))
             moves = at, speed, x_start[p].astype(np.float64), touched_at[p] + way, way
             out = normal[p].astype(np.float64)
@@ -216,7 +216,7 @@ def test_velocities_after_a_search(seed, dt, friction):
     carry[0] = 0.0
     expected = v.astype(np.float64)
     for p in np.flatnonzero(shape >= 0):
-        way = naive_contact.ridden(carry[shape[p]].astype(np.float64), x_start[p])
+        way = naive_contact.moved_with(carry[shape[p]].astype(np.float64), x_start[p])
         expected[p] = naive_contact.stop_at_contact(
             *(expected[p], (x[p] - x_before[p]).astype(np.float64), way / dt),
             *(normal[p].astype(np.float64), float(depth[p]), float(friction)),

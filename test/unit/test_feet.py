@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from garment_sim_ros.body.feet import PAST
-from garment_sim_ros.body.feet_pass import FOOT
 from garment_sim_ros.body.kinematics import ForwardKinematics
+from garment_sim_ros.body.leg_reach import FOOT
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skinning import Skinner

@@ -8,46 +8,25 @@ MOST_LINES_OF_A_FILE = 400
 MOST_LINES = 80
 MOST_ARGUMENTS = 12
 
-LONG_FILES = {
-    "body/feet_pass.py": 428,
-    "sim/simulation.py": 447,
-    "sim/world/wind_field.py": 416,
-}
+LONG_FILES: dict[str, int] = {}
 """Files over the limit: their lines."""
 
 LONG_FUNCTIONS = {
     "body/feet_lock.py:hold": (13, 80),
     "body/feet_pass.py:ground": (12, 83),
     "body/mannequin/mesh.py:_collapse": (12, 102),
-    "body/mannequin/weights.py:skin_weights": (12, 84),
     "body/retarget_pass.py:turn_joints": (14, 80),
     "body/retarget_pass.py:place_joints": (13, 80),
     "colliders/hulls/hull_placement.py:place": (13, 80),
     "colliders/hulls/hull_simplify.py:_evaluate": (13, 80),
     "colliders/hulls/hull_simplify.py:_delete": (12, 95),
     "colliders/segmentation/feature_points.py:feature_points": (12, 100),
-    "contact/collide.py:collide_particles": (12, 252),
     "contact/distance.py:deepest_shape": (15, 80),
-    "contact/friction.py:resist_slip": (13, 80),
     "contact/mesh/collide.py:_collide": (13, 80),
-    "contact/papers/earliest/block.py:respond": (12, 128),
     "contact/sweep.py:sweep": (12, 120),
-    "contact/way_out.py:leave_union": (19, 127),
-    "contact/way_out.py:leave_all": (19, 80),
-    "garment/dressing.py:dressed": (12, 82),
     "geometry/mesh_distance.py:_signed_distance": (13, 80),
     "geometry/mvee.py:enclose": (12, 82),
-    "mocap/bvh.py:load_bvh": (12, 82),
     "recording/bags.py:_read": (12, 82),
-    "sim/layers/kernels.py:find_triangles": (12, 82),
-    "sim/layers/kernels.py:find_close_one_way": (12, 104),
-    "sim/self_collision/near_pairs.py:_pair": (18, 80),
-    "sim/self_collision/near_pairs.py:find_pairs": (17, 105),
-    "sim/self_collision/self_contact.py:_part": (18, 80),
-    "sim/self_collision/self_contact.py:keep_apart": (15, 80),
-    "sim/solvers/implicit/descent.py:begin_sub_step": (14, 80),
-    "sim/solvers/implicit/descent.py:find_positions": (16, 80),
-    "sim/solvers/xpbd/coarse_kernels.py:pull_cells": (12, 81),
 }
 """Functions over a limit: most arguments and most lines that each may have."""
 

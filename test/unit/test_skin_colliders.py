@@ -14,7 +14,7 @@ from garment_sim_ros.cli import main as cli
 from garment_sim_ros.colliders.description import from_json, load_colliders, to_json
 from garment_sim_ros.colliders.exact_mesh import fit_mesh
 from garment_sim_ros.colliders.posing import ColliderPoser
-from garment_sim_ros.contact.collide import Contacts
+from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.contact.mesh.skin import SkinContact
 from garment_sim_ros.contact.mesh.skinned import SkinnedMesh
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet

@@ -9,14 +9,8 @@ from garment_sim_ros.params import Environment, Material
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.state import State
-from garment_sim_ros.sim.world.wind_field import (
-    AIR_DENSITY,
-    CHANGE,
-    Wind,
-    WindOnCloth,
-    air_velocity,
-    wind_field,
-)
+from garment_sim_ros.sim.world.wind_field import CHANGE, Wind, air_velocity, wind_field
+from garment_sim_ros.sim.world.wind_on_cloth import AIR_DENSITY, WindOnCloth
 
 GUSTS = {"wind_drag": 1.2, "wind_lift": 0.4, "gust": 2.0}
 

@@ -7,7 +7,7 @@ where each particle met it. In double precision, allocating as it likes: a yards
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
-from garment_sim_ros.contact.collide import Contacts
+from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.contact.mesh.collide import MeshCollider
 from garment_sim_ros.contact.mesh.skinned import SkinnedMesh
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet

@@ -20,13 +20,8 @@ from garment_sim_ros.arrays import IntArray, SingleArray
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology, triangles_across
 from garment_sim_ros.jit import compiled
-from garment_sim_ros.sim.layers.kernels import (
-    PARTING_SPEED,
-    find_close,
-    find_triangles,
-    part,
-    take_from_neighbours,
-)
+from garment_sim_ros.sim.layers.kernels import PARTING_SPEED, find_close, part
+from garment_sim_ros.sim.layers.nearest import find_triangles, take_from_neighbours
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.state import State
 

@@ -1,10 +1,14 @@
 """Parts of one mesh kept apart: particles from triangles, and edges from edges."""
 
+from typing import NamedTuple
+
 import numpy as np
 
+from garment_sim_ros.arrays import IntArray, SingleArray
 from garment_sim_ros.geometry.mesh_distance import closest_on_triangle
-from garment_sim_ros.jit import kernel
-from garment_sim_ros.sim.self_collision.near_pairs import edge_weights
+from garment_sim_ros.geometry.vectors import dot, row
+from garment_sim_ros.jit import lean_kernel
+from garment_sim_ros.sim.self_collision.gaps import edge_weights
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -17,7 +21,21 @@ LEAST_LEVER = np.float32(0.25)
 """Effective inverse masses are at least this share of the largest one of the particles."""
 
 
-@kernel(inner=True)
+class Lying(NamedTuple):
+    """What particles weigh, and which shapes they lie on.
+
+    Attributes:
+        inverse_mass: Inverse masses [1/kg], shape [n].
+        shape: Shape that each free particle touches, -1 for none, shape [f], f at most n.
+        normal: The shape's outward unit normal there, shape [f, 3].
+    """
+
+    inverse_mass: SingleArray
+    shape: IntArray
+    normal: SingleArray
+
+
+@lean_kernel(inner=True)
 def _over_triangle(x, p, i, j, k):
     """A triangle's unit normal, and the height of a particle over it; zeros if degenerate."""
     ex, ey, ez = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]
@@ -36,7 +54,7 @@ def _over_triangle(x, p, i, j, k):
     return nx, ny, nz, h
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _between_edges(x, a, b, c, d):
     """Common unit normal of edges ab and cd, and how far along it cd is; zeros if parallel."""
     ex, ey, ez = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
@@ -56,7 +74,7 @@ def _between_edges(x, a, b, c, d):
     return nx, ny, nz, h
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _on_the_way(before, x, i, j, s):
     """Particle i less particle j at the part s of a step."""
     r = _ONE - s
@@ -67,7 +85,7 @@ def _on_the_way(before, x, i, j, s):
     )
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def point_contact(before, x, p, i, j, k, limit):
     """Whether a particle came too near to a triangle, or through it, in a step.
 
@@ -81,9 +99,9 @@ def point_contact(before, x, p, i, j, k, limit):
         limit: Distance to keep [m].
 
     Returns:
-        (depth, nx, ny, nz, b, c, through): how far the two must get apart along the unit normal,
-        which points to the particle [m], not above 0 where they need not; weights of the second
-        and third corner; whether the particle went through.
+        (depth, normal, b, c, through): how far the two must get apart along the unit normal, which
+        points to the particle [m], not above 0 where they need not; weights of the second and
+        third corner; whether the particle went through.
     """
     nx, ny, nz, h = _over_triangle(x, p, i, j, k)
     _, _, _, h0 = _over_triangle(before, p, i, j, k)
@@ -102,29 +120,29 @@ def point_contact(before, x, p, i, j, k, limit):
         c = ee * pf - ef * pe
         if b >= _ZERO and c >= _ZERO and b + c <= area and area > _ZERO:
             side = _ONE if h0 > _ZERO else -_ONE
-            return limit + abs(h), side * nx, side * ny, side * nz, b / area, c / area, True
+            return limit + abs(h), (side * nx, side * ny, side * nz), b / area, c / area, True
     if abs(h) >= limit:
-        return -_ONE, nx, ny, nz, _ZERO, _ZERO, False
+        return -_ONE, (nx, ny, nz), _ZERO, _ZERO, False
     b, c, feature = closest_on_triangle(x[i], x[j], x[k], x[p, 0], x[p, 1], x[p, 2])
     b = np.float32(b)
     c = np.float32(c)
     side = _ONE if h > _ZERO else -_ONE
     if feature == 0:
-        return limit - abs(h), side * nx, side * ny, side * nz, b, c, False
+        return limit - abs(h), (side * nx, side * ny, side * nz), b, c, False
     a = _ONE - b - c
     dx = x[p, 0] - a * x[i, 0] - b * x[j, 0] - c * x[k, 0]
     dy = x[p, 1] - a * x[i, 1] - b * x[j, 1] - c * x[k, 1]
     dz = x[p, 2] - a * x[i, 2] - b * x[j, 2] - c * x[k, 2]
     gap = np.sqrt(dx * dx + dy * dy + dz * dz)
     if gap >= limit:
-        return -_ONE, nx, ny, nz, b, c, False
+        return -_ONE, (nx, ny, nz), b, c, False
     if gap < np.float32(1e-7):
-        return limit, side * nx, side * ny, side * nz, b, c, False
+        return limit, (side * nx, side * ny, side * nz), b, c, False
     scale = _ONE / gap
-    return limit - gap, dx * scale, dy * scale, dz * scale, b, c, False
+    return limit - gap, (dx * scale, dy * scale, dz * scale), b, c, False
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def edge_contact(before, x, a, b, c, d, limit):
     """Whether an edge came too near to another one, or through it, in a step.
 
@@ -140,14 +158,14 @@ def edge_contact(before, x, a, b, c, d, limit):
         limit: Distance to keep [m].
 
     Returns:
-        (depth, nx, ny, nz, s, t, through): as `point_contact`; the normal points to cd, s and t
+        (depth, normal, s, t, through): as `point_contact`; the normal points to cd, s and t
         are the weights of b and d.
     """
     nx, ny, nz, h = _between_edges(x, a, b, c, d)
     _, _, _, h0 = _between_edges(before, a, b, c, d)
     crossed = h0 * h < _ZERO
     if not crossed and abs(h) >= limit:
-        return -_ONE, nx, ny, nz, _ZERO, _ZERO, False
+        return -_ONE, (nx, ny, nz), _ZERO, _ZERO, False
     if crossed:
         part = h0 / (h0 - h)
         ex, ey, ez = _on_the_way(before, x, b, a, part)
@@ -173,48 +191,64 @@ def edge_contact(before, x, a, b, c, d, limit):
                 and dx * dx + dy * dy + dz * dz <= near * near
             ):
                 side = _ONE if h0 > _ZERO else -_ONE
-                return limit + abs(h), side * nx, side * ny, side * nz, s, t, True
+                return limit + abs(h), (side * nx, side * ny, side * nz), s, t, True
     if h == _ZERO or abs(h) >= limit:
-        return -_ONE, nx, ny, nz, _ZERO, _ZERO, False
+        return -_ONE, (nx, ny, nz), _ZERO, _ZERO, False
     s, t, _ = edge_weights(x, a, b, c, d)
     if not (_ZERO < s < _ONE and _ZERO < t < _ONE):
-        return -_ONE, nx, ny, nz, s, t, False
+        return -_ONE, (nx, ny, nz), s, t, False
     side = _ONE if h > _ZERO else -_ONE
-    return limit - abs(h), side * nx, side * ny, side * nz, s, t, False
+    return limit - abs(h), (side * nx, side * ny, side * nz), s, t, False
 
 
-@kernel(inner=True)
-def _ease(w, shape, normal, p, c, nx, ny, nz):
-    """Inverse mass of a particle for a push along c n: less where it lies on the body."""
-    if p >= shape.size or shape[p] < 0:
-        return w[p]
-    into = normal[p, 0] * nx + normal[p, 1] * ny + normal[p, 2] * nz
-    if c * into >= _ZERO:
-        return w[p]
-    return w[p] * max(_ONE - into * into, _ZERO)
+@lean_kernel(inner=True)
+def _ease(lying, p, share, normal):
+    """Inverse mass of a particle for a push along `share` times a direction.
+
+    It is less where the push goes into the shape that the particle lies on.
+    """
+    w = lying.inverse_mass[p]
+    if p >= lying.shape.size or lying.shape[p] < 0:
+        return w
+    into = dot(row(lying.normal, p), normal)
+    if share * into >= _ZERO:
+        return w
+    return w * max(_ONE - into * into, _ZERO)
 
 
-@kernel(inner=True)
-def _part(x, v, w, shape, normal, i, j, k, m, ci, cj, ck, cm, nx, ny, nz, depth, friction):
-    """Moves four particles apart along n, where the sum of coefficients c is 0.
+@lean_kernel(inner=True)
+def _part(x, v, lying, four, share, normal, depth, friction):
+    """Moves four particles apart along a direction.
 
     The push keeps the centre of mass; closing velocity is taken away, and slip as far as
     Coulomb's law allows.
+
+    Args:
+        x: Positions, changed in place [m], shape [n, 3].
+        v: Velocities, changed in place [m/s], shape [n, 3].
+        lying: `Lying`.
+        four: The particles.
+        share: How much of the direction each of them goes, with sum 0.
+        normal: Unit direction.
+        depth: How far they must get apart [m].
+        friction: Coulomb coefficient.
+
+    Returns:
+        Whether any of them can move.
     """
-    wi = _ease(w, shape, normal, i, ci, nx, ny, nz)
-    wj = _ease(w, shape, normal, j, cj, nx, ny, nz)
-    wk = _ease(w, shape, normal, k, ck, nx, ny, nz)
-    wm = _ease(w, shape, normal, m, cm, nx, ny, nz)
+    i, j, k, m = four
+    ci, cj, ck, cm = share
+    wi = _ease(lying, i, ci, normal)
+    wj = _ease(lying, j, cj, normal)
+    wk = _ease(lying, k, ck, normal)
+    wm = _ease(lying, m, cm, normal)
     most = max(max(wi, wj), max(wk, wm))
     if not most > _ZERO:
         return False
     total = ci * ci * wi + cj * cj * wj + ck * ck * wk + cm * cm * wm
     # Where all that can move is far from the contact it would have to fly to part the rest.
     total = max(total, LEAST_LEVER * most)
-    wi *= ci
-    wj *= cj
-    wk *= ck
-    wm *= cm
+    nx, ny, nz = normal
     ux = ci * v[i, 0] + cj * v[j, 0] + ck * v[k, 0] + cm * v[m, 0]
     uy = ci * v[i, 1] + cj * v[j, 1] + ck * v[k, 1] + cm * v[m, 1]
     uz = ci * v[i, 2] + cj * v[j, 2] + ck * v[k, 2] + cm * v[m, 2]
@@ -229,7 +263,7 @@ def _part(x, v, w, shape, normal, i, j, k, m, ci, cj, ck, cm, nx, ny, nz, depth,
     jy = -(along * ny + held * uy) / total
     jz = -(along * nz + held * uz) / total
     push = depth / total
-    for q, wq in ((i, wi), (j, wj), (k, wk), (m, wm)):
+    for q, wq in ((i, wi * ci), (j, wj * cj), (k, wk * ck), (m, wm * cm)):
         x[q, 0] += wq * push * nx
         x[q, 1] += wq * push * ny
         x[q, 2] += wq * push * nz
@@ -239,24 +273,47 @@ def _part(x, v, w, shape, normal, i, j, k, m, ci, cj, ck, cm, nx, ny, nz, depth,
     return True
 
 
-@kernel()
-def keep_apart(
-    before,
-    x,
-    v,
-    inverse_mass,
-    shape,
-    normal,
-    tangled,
-    points,
-    point_limit,
-    point_count,
-    edges,
-    edge_limit,
-    edge_count,
-    friction,
-    passes,
-):
+@lean_kernel(inner=True)
+def _four(table, e):
+    """Row e of a table of particles, shape [any, 4]."""
+    return table[e, 0], table[e, 1], table[e, 2], table[e, 3]
+
+
+@lean_kernel(inner=True)
+def _part_points(before, x, v, lying, tangled, pairs, friction):
+    """Moves particles and triangles apart: how many pairs touched, and how many went through."""
+    touched = through = 0
+    for e in range(pairs.counts[0]):
+        p, i, j, k = _four(pairs.points, e)
+        limit = pairs.point_limit[e]
+        depth, normal, b, c, passed = point_contact(before, x, p, i, j, k, limit)
+        if not depth > _ZERO or (tangled[p] and (tangled[i] or tangled[j] or tangled[k])):
+            continue
+        share = _ONE, b + c - _ONE, -b, -c
+        if _part(x, v, lying, (p, i, j, k), share, normal, depth, friction):
+            touched += 1
+            through += passed
+    return touched, through
+
+
+@lean_kernel(inner=True)
+def _part_edges(before, x, v, lying, tangled, pairs, friction):
+    """The same of edges."""
+    touched = through = 0
+    for e in range(pairs.counts[1]):
+        a, b, c, d = _four(pairs.edges, e)
+        depth, normal, s, t, passed = edge_contact(before, x, a, b, c, d, pairs.edge_limit[e])
+        if not depth > _ZERO or ((tangled[a] or tangled[b]) and (tangled[c] or tangled[d])):
+            continue
+        share = s - _ONE, -s, _ONE - t, t
+        if _part(x, v, lying, (a, b, c, d), share, normal, depth, friction):
+            touched += 1
+            through += passed
+    return touched, through
+
+
+@lean_kernel()
+def keep_apart(before, x, v, lying, tangled, pairs, friction, passes):
     """Moves pairs apart that came too near, and back those that went through each other.
 
     A pass over all pairs in order (Gauss-Seidel); more passes as long as something went through.
@@ -266,16 +323,9 @@ def keep_apart(
         before: Positions when the step started, free of what is not `tangled` [m], shape [n, 3].
         x: Positions, changed in place [m], shape [n, 3].
         v: Velocities, changed in place [m/s], shape [n, 3].
-        inverse_mass: Inverse masses [1/kg], shape [n].
-        shape: Shape that each free particle touches, -1 for none, shape [f], f at most n.
-        normal: The shape's outward normal there, shape [f, 3].
+        lying: `Lying`.
         tangled: Whether a particle is where the mesh passes through itself, shape [n].
-        points: Particle and triangle of each pair, shape [any, 4].
-        point_limit: Distance that each pair keeps [m].
-        point_count: Number of pairs.
-        edges: Both edges of each pair, shape [any, 4].
-        edge_limit: Distance that each pair keeps [m].
-        edge_count: Number of pairs.
+        pairs: `near_pairs.Pairs`.
         friction: Coulomb coefficient.
         passes: Most passes.
 
@@ -285,33 +335,11 @@ def keep_apart(
     touched = 0
     through = 0
     for n in range(passes):
-        through = 0
-        for e in range(point_count):
-            p, i, j, k = points[e, 0], points[e, 1], points[e, 2], points[e, 3]
-            depth, nx, ny, nz, b, c, passed = point_contact(before, x, p, i, j, k, point_limit[e])
-            if not depth > _ZERO:
-                continue
-            if tangled[p] and (tangled[i] or tangled[j] or tangled[k]):
-                continue
-            if _part(
-                x, v, inverse_mass, shape, normal, p, i, j, k, _ONE, b + c - _ONE, -b, -c,
-                nx, ny, nz, depth, friction,
-            ):  # fmt: skip
-                touched += n == 0
-                through += passed
-        for e in range(edge_count):
-            a, b, c, d = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
-            depth, nx, ny, nz, s, t, passed = edge_contact(before, x, a, b, c, d, edge_limit[e])
-            if not depth > _ZERO:
-                continue
-            if (tangled[a] or tangled[b]) and (tangled[c] or tangled[d]):
-                continue
-            if _part(
-                x, v, inverse_mass, shape, normal, a, b, c, d, s - _ONE, -s, _ONE - t, t,
-                nx, ny, nz, depth, friction,
-            ):  # fmt: skip
-                touched += n == 0
-                through += passed
+        points, passed = _part_points(before, x, v, lying, tangled, pairs, friction)
+        edges, crossed = _part_edges(before, x, v, lying, tangled, pairs, friction)
+        through = passed + crossed
+        if n == 0:
+            touched = points + edges
         if through == 0:
             break
     return touched, through

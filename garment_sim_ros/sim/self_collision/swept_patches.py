@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from garment_sim_ros.jit import kernel
+from garment_sim_ros.jit import lean_kernel
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def difference(a, i, j):
     """Squared distance of two rows."""
     dx = a[i, 0] - a[j, 0]
@@ -17,18 +17,26 @@ def difference(a, i, j):
     return dx * dx + dy * dy + dz * dz
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def dot(a, i, j):
     """Dot product of two rows."""
     return a[i, 0] * a[j, 0] + a[i, 1] * a[j, 1] + a[i, 2] * a[j, 2]
 
 
-@kernel(inner=True)
-def sweep(start, way, triangles, slack, boxes, normal, centre, radius, mean_way, sway):
-    """Boxes of triangles that go their ways, larger by slack, [t, 6]; unit normals and centres.
+@lean_kernel(inner=True)
+def sweep(start, way, triangles, slack, swept):
+    """Boxes of triangles that go their ways, larger by slack; unit normals and centres.
 
     Also how far corners are from the centre, their mean way, and how far theirs are from that.
+
+    Args:
+        start: Positions [m], shape [n, 3].
+        way: Where each particle goes from there [m], shape [n, 3].
+        triangles: Triangles as particles, shape [t, 3].
+        slack: How much larger boxes are on each side [m].
+        swept: `sim.self_collision.patches.Swept`, filled.
     """
+    boxes, normal, centre, mean_way = swept.boxes, swept.normal, swept.centre, swept.mean_way
     third = np.float32(1.0 / 3.0)
     for t in range(triangles.shape[0]):
         i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -63,11 +71,11 @@ def sweep(start, way, triangles, slack, boxes, normal, centre, radius, mean_way,
                 strays += (way[p, d] - mean_way[t, d]) ** 2
             farthest = max(farthest, away)
             differs = max(differs, strays)
-        radius[t] = np.sqrt(farthest)
-        sway[t] = np.sqrt(differs)
+        swept.radius[t] = np.sqrt(farthest)
+        swept.sway[t] = np.sqrt(differs)
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def sweep_patches(first, swept):
     """The same of patches of triangles, which begin at first [p + 1]; the last box is that of all.
 
@@ -113,13 +121,13 @@ def sweep_patches(first, swept):
         spread[p] = np.arccos(max(least, -_ONE))
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _cell_range(box, low, scale, d):
     """First cell along an axis that a box covers, and the one after the last."""
     return int((box[d] - low[d]) * scale), int((box[3 + d] - low[d]) * scale) + 1
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def sort_into_cells(boxes, cell_start, entry):
     """Counting sort of boxes, the last of which is that of all, by the cells that they cover.
 

@@ -5,11 +5,16 @@ precision: what is left to add is small. All numbers of a block are rows of one 
 the compiler knows that they do not overlap, and no loop branches.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.contact.papers.earliest.poses import ON_SURFACE, to_ball
-from garment_sim_ros.jit import kernel
+from garment_sim_ros.geometry.vectors import along, dot, length, less, plus
+from garment_sim_ros.jit import lean_kernel
+
+_Vector = tuple[np.float32, np.float32, np.float32]
 
 BLOCK = 16
 NEVER = np.float32(2.0)
@@ -33,14 +38,55 @@ def block_rows() -> NDArray[np.float32]:
     return np.zeros(21 * BLOCK, np.float32)
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def _origin_of(table, k, origin):
     """Where the block's centre is among the coordinates of ellipsoid k's unit ball."""
     x, y, z = to_ball(table, k, origin[0], origin[1], origin[2])
     return np.float32(x), np.float32(y), np.float32(z)
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
+def _matrix(single, k):
+    """The map of ellipsoid k to its unit ball: three rows."""
+    m = single[k]
+    return (m[0], m[1], m[2]), (m[3], m[4], m[5]), (m[6], m[7], m[8])
+
+
+@lean_kernel(inner=True)
+def _to_ball(origin, A, v):
+    """Where v is in the unit ball's coordinates, in which the block's centre is at `origin`."""
+    return (
+        origin[0] + A[0][0] * v[0] + A[0][1] * v[1] + A[0][2] * v[2],
+        origin[1] + A[1][0] * v[0] + A[1][1] * v[1] + A[1][2] * v[2],
+        origin[2] + A[2][0] * v[0] + A[2][1] * v[1] + A[2][2] * v[2],
+    )
+
+
+@lean_kernel(inner=True)
+def _from_ball(A, v):
+    """A direction back from the ball: the transpose times v."""
+    return (
+        A[0][0] * v[0] + A[1][0] * v[1] + A[2][0] * v[2],
+        A[0][1] * v[0] + A[1][1] * v[1] + A[2][1] * v[2],
+        A[0][2] * v[0] + A[1][2] * v[1] + A[2][2] * v[2],
+    )
+
+
+@lean_kernel(inner=True)
+def _get(rows, at, p):
+    """Lane p of a vector of the block, whose rows begin at `at`."""
+    return rows[at + p], rows[at + BLOCK + p], rows[at + 2 * BLOCK + p]
+
+
+@lean_kernel(inner=True)
+def _put(rows, at, p, takes, v):
+    """Writes a vector to lane p of the block where it takes it."""
+    rows[at + p] = v[0] if takes else rows[at + p]
+    rows[at + BLOCK + p] = v[1] if takes else rows[at + BLOCK + p]
+    rows[at + 2 * BLOCK + p] = v[2] if takes else rows[at + 2 * BLOCK + p]
+
+
+@lean_kernel(inner=True)
 def block_times(start, end, single, near, found, origin, rows, time):
     """When each particle meets each near ellipsoid, from 0 to 1; fills the row `FIRST`.
 
@@ -58,27 +104,15 @@ def block_times(start, end, single, near, found, origin, rows, time):
         rows[FIRST + p] = NEVER
     for c in range(found):
         k = near[c]
-        ax, ay, az = _origin_of(start, k, origin)
-        bx, by, bz = _origin_of(end, k, origin)
-        a00, a01, a02 = single[0, k, 0], single[0, k, 1], single[0, k, 2]
-        a10, a11, a12 = single[0, k, 3], single[0, k, 4], single[0, k, 5]
-        a20, a21, a22 = single[0, k, 6], single[0, k, 7], single[0, k, 8]
-        b00, b01, b02 = single[1, k, 0], single[1, k, 1], single[1, k, 2]
-        b10, b11, b12 = single[1, k, 3], single[1, k, 4], single[1, k, 5]
-        b20, b21, b22 = single[1, k, 6], single[1, k, 7], single[1, k, 8]
+        from_start, from_end = _origin_of(start, k, origin), _origin_of(end, k, origin)
+        a, b = _matrix(single[0], k), _matrix(single[1], k)
         base = c * BLOCK
         for p in range(BLOCK):
-            x, y, z = rows[START + p], rows[START + BLOCK + p], rows[START + 2 * BLOCK + p]
-            px = ax + a00 * x + a01 * y + a02 * z
-            py = ay + a10 * x + a11 * y + a12 * z
-            pz = az + a20 * x + a21 * y + a22 * z
-            x, y, z = rows[END + p], rows[END + BLOCK + p], rows[END + 2 * BLOCK + p]
-            dx = bx + b00 * x + b01 * y + b02 * z - px
-            dy = by + b10 * x + b11 * y + b12 * z - py
-            dz = bz + b20 * x + b21 * y + b22 * z - pz
-            along = px * dx + py * dy + pz * dz
-            outside = px * px + py * py + pz * pz - _ONE
-            squared = dx * dx + dy * dy + dz * dz
+            q = _to_ball(from_start, a, _get(rows, START, p))
+            d = less(_to_ball(from_end, b, _get(rows, END, p)), q)
+            along = dot(q, d)
+            outside = dot(q, q) - _ONE
+            squared = dot(d, d)
             above = max(outside, _ZERO)
             root = along * along - squared * above
             # Without cancellation where the start is close to the surface.
@@ -89,7 +123,142 @@ def block_times(start, end, single, near, found, origin, rows, time):
             rows[FIRST + p] = min(rows[FIRST + p], t)
 
 
-@kernel(inner=True)
+class _Hit(NamedTuple):
+    """A hit on an ellipsoid.
+
+    Attributes:
+        before: Where the place on the surface was when the step started, about the block's centre
+            [m].
+        after: Where it is when it ends [m].
+        normal: Unit direction of the response.
+    """
+
+    before: _Vector
+    after: _Vector
+    normal: _Vector
+
+
+@lean_kernel(inner=True)
+def _squared_radii(table, k):
+    """Of ellipsoid k [m^2]."""
+    row = table[k]
+    return np.float32(row[12] ** 2), np.float32(row[13] ** 2), np.float32(row[14] ** 2)
+
+
+@lean_kernel(inner=True)
+def _centre(table, k, origin):
+    """Of ellipsoid k about the block's centre [m]."""
+    row = table[k]
+    return (
+        np.float32(row[0] - origin[0]),
+        np.float32(row[1] - origin[1]),
+        np.float32(row[2] - origin[2]),
+    )
+
+
+@lean_kernel(inner=True)
+def _scaled(v, w):
+    """Products of the coordinates."""
+    return v[0] * w[0], v[1] * w[1], v[2] * w[2]
+
+
+@lean_kernel(inner=True)
+def _unit(v):
+    back = _ONE / np.sqrt(dot(v, v) + _TINY)
+    return v[0] * back, v[1] * back, v[2] * back
+
+
+@lean_kernel(inner=True)
+def _hit(start, end, a, b, q, t, f, reflect):
+    """Where a particle hits an ellipsoid.
+
+    Args:
+        start: Squared radii and centre of the ellipsoid when the step starts.
+        end: The same when it ends.
+        a: Its map to the unit ball when the step starts.
+        b: The same when it ends.
+        q: Where the particle starts, in the unit ball's coordinates.
+        t: When it hits.
+        f: Where it ends there.
+        reflect: See `respond`.
+    """
+    # Onto the surface, for what rounding has left.
+    h = _unit(along(q, less(f, q), t))
+    # The hit moves with the ellipsoid from where it was to the end of the step. Back from the ball
+    # by the transpose, after the squared radii.
+    before = plus(start[1], _from_ball(a, _scaled(h, start[0])))
+    ray = _from_ball(b, _scaled(h, end[0]))
+    normal = _from_ball(b, h)
+    normal = along(normal, less(ray, normal), reflect)
+    return _Hit(before, plus(end[1], ray), _unit(normal))
+
+
+@lean_kernel(inner=True)
+def _rebound(hit, velocity, rate, restitution, friction):
+    """Velocity after a hit [m/s].
+
+    Args:
+        hit: `_Hit`.
+        velocity: As proposed [m/s].
+        rate: See `respond`.
+        restitution: Likewise.
+        friction: Likewise.
+    """
+    n = hit.normal
+    way = less(hit.after, hit.before)
+    surface = way[0] * rate, way[1] * rate, way[2] * rate
+    u = less(velocity, surface)
+    towards = dot(u, n)
+    u = along(u, n, -towards)
+    lost = friction * (_ONE + restitution) * max(-towards, _ZERO)
+    kept = max(_ZERO, _ONE - lost / max(length(u), _TINY))
+    towards = max(towards, -restitution * towards)
+    return (
+        surface[0] + (kept * u[0] + towards * n[0]),
+        surface[1] + (kept * u[1] + towards * n[1]),
+        surface[2] + (kept * u[2] + towards * n[2]),
+    )
+
+
+@lean_kernel(inner=True)
+def _slide(hit, goal, reflect, friction):
+    """Where the rest of the motion, along the surface, ends.
+
+    Args:
+        hit: `_Hit`.
+        goal: Where the particle was to end, about the block's centre [m].
+        reflect: See `respond`.
+        friction: Likewise.
+    """
+    rest = less(goal, hit.after)
+    depth = dot(rest, hit.normal)
+    rest = along(rest, hit.normal, -depth)
+    kept = max(_ZERO, _ONE - friction * max(-depth, _ZERO) / max(length(rest), _TINY))
+    return along(hit.after, rest, kept * (_ONE - reflect))
+
+
+@lean_kernel(inner=True)
+def _takes(rows, p, t, place):
+    """Whether a hit is a particle's earliest one, and before another one at the same time."""
+    d = less(place, _get(rows, HIT, p))
+    dy = d[1] if d[0] == _ZERO else d[0]
+    dz = d[2] if dy == _ZERO else dy
+    late = dz if rows[MET + p] >= _ZERO else -_ONE
+    other = max(abs(t - rows[FIRST + p]), abs(t) - _ONE)
+    return max(late, other) <= _ZERO if t >= _ZERO else False
+
+
+@lean_kernel(inner=True)
+def _hits_first(rows, time, base):
+    """Whether an ellipsoid, whose times begin at base, is any particle's earliest hit."""
+    hits = _ZERO
+    for p in range(BLOCK):
+        t = time[base + p]
+        hits += _ONE if max(abs(t - rows[FIRST + p]), abs(t) - _ONE) <= _ZERO else _ZERO
+    return hits != _ZERO
+
+
+@lean_kernel(inner=True)
 def respond(
     start, end, single, near, found, origin, rows, time, rate, reflect, restitution, friction
 ):
@@ -118,109 +287,29 @@ def respond(
         rows[MET + p] = -_ONE
     for c in range(found):
         base = c * BLOCK
-        hits = _ZERO
-        for p in range(BLOCK):
-            t = time[base + p]
-            hits += _ONE if max(abs(t - rows[FIRST + p]), abs(t) - _ONE) <= _ZERO else _ZERO
-        if hits == _ZERO:
+        if not _hits_first(rows, time, base):
             continue
         k = near[c]
         number = np.float32(k)
-        ax, ay, az = _origin_of(start, k, origin)
-        bx, by, bz = _origin_of(end, k, origin)
-        a00, a01, a02 = single[0, k, 0], single[0, k, 1], single[0, k, 2]
-        a10, a11, a12 = single[0, k, 3], single[0, k, 4], single[0, k, 5]
-        a20, a21, a22 = single[0, k, 6], single[0, k, 7], single[0, k, 8]
-        b00, b01, b02 = single[1, k, 0], single[1, k, 1], single[1, k, 2]
-        b10, b11, b12 = single[1, k, 3], single[1, k, 4], single[1, k, 5]
-        b20, b21, b22 = single[1, k, 6], single[1, k, 7], single[1, k, 8]
-        # Back from the ball by the transpose, after the squared radii.
-        sx = np.float32(start[k, 12] ** 2)
-        sy = np.float32(start[k, 13] ** 2)
-        sz = np.float32(start[k, 14] ** 2)
-        ex = np.float32(end[k, 12] ** 2)
-        ey = np.float32(end[k, 13] ** 2)
-        ez = np.float32(end[k, 14] ** 2)
-        ox = np.float32(start[k, 0] - origin[0])
-        oy = np.float32(start[k, 1] - origin[1])
-        oz = np.float32(start[k, 2] - origin[2])
-        mx = np.float32(end[k, 0] - origin[0])
-        my = np.float32(end[k, 1] - origin[1])
-        mz = np.float32(end[k, 2] - origin[2])
+        from_start, from_end = _origin_of(start, k, origin), _origin_of(end, k, origin)
+        a, b = _matrix(single[0], k), _matrix(single[1], k)
+        before = _squared_radii(start, k), _centre(start, k, origin)
+        after = _squared_radii(end, k), _centre(end, k, origin)
         for p in range(BLOCK):
             t = time[base + p]
-            x, y, z = rows[START + p], rows[START + BLOCK + p], rows[START + 2 * BLOCK + p]
-            fx, fy, fz = rows[END + p], rows[END + BLOCK + p], rows[END + 2 * BLOCK + p]
-            hx = ax + a00 * x + a01 * y + a02 * z
-            hy = ay + a10 * x + a11 * y + a12 * z
-            hz = az + a20 * x + a21 * y + a22 * z
-            hx += t * (bx + b00 * fx + b01 * fy + b02 * fz - hx)
-            hy += t * (by + b10 * fx + b11 * fy + b12 * fz - hy)
-            hz += t * (bz + b20 * fx + b21 * fy + b22 * fz - hz)
-            # Onto the surface, for what rounding has left.
-            back = _ONE / np.sqrt(hx * hx + hy * hy + hz * hz + _TINY)
-            hx, hy, hz = hx * back, hy * back, hz * back
-            # The hit moves with the ellipsoid from where it was to the end of the step.
-            x, y, z = hx * sx, hy * sy, hz * sz
-            qx = ox + a00 * x + a10 * y + a20 * z
-            qy = oy + a01 * x + a11 * y + a21 * z
-            qz = oz + a02 * x + a12 * y + a22 * z
-            x, y, z = hx * ex, hy * ey, hz * ez
-            gx = b00 * x + b10 * y + b20 * z
-            gy = b01 * x + b11 * y + b21 * z
-            gz = b02 * x + b12 * y + b22 * z
-            wx, wy, wz = mx + gx, my + gy, mz + gz
-            nx = b00 * hx + b10 * hy + b20 * hz
-            ny = b01 * hx + b11 * hy + b21 * hz
-            nz = b02 * hx + b12 * hy + b22 * hz
-            nx = nx + reflect * (gx - nx)
-            ny = ny + reflect * (gy - ny)
-            nz = nz + reflect * (gz - nz)
-            back = _ONE / np.sqrt(nx * nx + ny * ny + nz * nz + _TINY)
-            nx, ny, nz = nx * back, ny * back, nz * back
-            # Velocity relative to the surface.
-            vx, vy, vz = (wx - qx) * rate, (wy - qy) * rate, (wz - qz) * rate
-            ux = rows[VELOCITY + p] - vx
-            uy = rows[VELOCITY + BLOCK + p] - vy
-            uz = rows[VELOCITY + 2 * BLOCK + p] - vz
-            along = ux * nx + uy * ny + uz * nz
-            ux, uy, uz = ux - along * nx, uy - along * ny, uz - along * nz
-            lost = friction * (_ONE + restitution) * max(-along, _ZERO)
-            slip = np.sqrt(ux * ux + uy * uy + uz * uz)
-            kept = max(_ZERO, _ONE - lost / max(slip, _TINY))
-            along = max(along, -restitution * along)
-            vx += kept * ux + along * nx
-            vy += kept * uy + along * ny
-            vz += kept * uz + along * nz
-            # The rest of the motion, along the surface.
-            rx, ry, rz = fx - wx, fy - wy, fz - wz
-            depth = rx * nx + ry * ny + rz * nz
-            rx, ry, rz = rx - depth * nx, ry - depth * ny, rz - depth * nz
-            slip = np.sqrt(rx * rx + ry * ry + rz * rz)
-            kept = max(_ZERO, _ONE - friction * max(-depth, _ZERO) / max(slip, _TINY))
-            kept *= _ONE - reflect
-            # Whether this hit comes before one at the same time.
-            dx = wx - rows[HIT + p]
-            dy = wy - rows[HIT + BLOCK + p]
-            dz = wz - rows[HIT + 2 * BLOCK + p]
-            dy = dy if dx == _ZERO else dx
-            dz = dz if dy == _ZERO else dy
-            late = dz if rows[MET + p] >= _ZERO else -_ONE
-            other = max(abs(t - rows[FIRST + p]), abs(t) - _ONE)
-            takes = max(late, other) <= _ZERO if t >= _ZERO else False
-            rows[HIT + p] = wx if takes else rows[HIT + p]
-            rows[HIT + BLOCK + p] = wy if takes else rows[HIT + BLOCK + p]
-            rows[HIT + 2 * BLOCK + p] = wz if takes else rows[HIT + 2 * BLOCK + p]
-            rows[X + p] = wx + kept * rx if takes else rows[X + p]
-            rows[X + BLOCK + p] = wy + kept * ry if takes else rows[X + BLOCK + p]
-            rows[X + 2 * BLOCK + p] = wz + kept * rz if takes else rows[X + 2 * BLOCK + p]
-            rows[V + p] = vx if takes else rows[V + p]
-            rows[V + BLOCK + p] = vy if takes else rows[V + BLOCK + p]
-            rows[V + 2 * BLOCK + p] = vz if takes else rows[V + 2 * BLOCK + p]
+            goal = _get(rows, END, p)
+            q = _to_ball(from_start, a, _get(rows, START, p))
+            hit = _hit(before, after, a, b, q, t, _to_ball(from_end, b, goal), reflect)
+            v = _rebound(hit, _get(rows, VELOCITY, p), rate, restitution, friction)
+            x = _slide(hit, goal, reflect, friction)
+            takes = _takes(rows, p, t, hit.after)
+            _put(rows, HIT, p, takes, hit.after)
+            _put(rows, X, p, takes, x)
+            _put(rows, V, p, takes, v)
             rows[MET + p] = number if takes else rows[MET + p]
 
 
-@kernel(inner=True)
+@lean_kernel(inner=True)
 def lowest_zeta(end, single, near, found, origin, rows):
     """Least zeta of the positions `X` over the near ellipsoids; fills the row `LOWEST`.
 
@@ -230,13 +319,7 @@ def lowest_zeta(end, single, near, found, origin, rows):
         rows[LOWEST + p] = np.float32(np.inf)
     for c in range(found):
         k = near[c]
-        bx, by, bz = _origin_of(end, k, origin)
-        b00, b01, b02 = single[1, k, 0], single[1, k, 1], single[1, k, 2]
-        b10, b11, b12 = single[1, k, 3], single[1, k, 4], single[1, k, 5]
-        b20, b21, b22 = single[1, k, 6], single[1, k, 7], single[1, k, 8]
+        from_end, b = _origin_of(end, k, origin), _matrix(single[1], k)
         for p in range(BLOCK):
-            x, y, z = rows[X + p], rows[X + BLOCK + p], rows[X + 2 * BLOCK + p]
-            px = bx + b00 * x + b01 * y + b02 * z
-            py = by + b10 * x + b11 * y + b12 * z
-            pz = bz + b20 * x + b21 * y + b22 * z
-            rows[LOWEST + p] = min(rows[LOWEST + p], px * px + py * py + pz * pz)
+            q = _to_ball(from_end, b, _get(rows, X, p))
+            rows[LOWEST + p] = min(rows[LOWEST + p], dot(q, q))

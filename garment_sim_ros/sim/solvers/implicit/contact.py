@@ -27,7 +27,7 @@ def on_the_cone(ux, uy, uz, nx, ny, nz, gap, friction):
 
 
 @kernel(inner=True)
-def take_hold(x, x_start, x_clear, contacts, carry, inner, lift, grip, swift, hold):
+def take_hold(x, x_start, cloth, met, hold):
     """Planes of contact after a search with `lift` on top of the thickness.
 
     Each lies across the way out that the search found, `lift` below where that ends; a particle
@@ -36,16 +36,14 @@ def take_hold(x, x_start, x_clear, contacts, carry, inner, lift, grip, swift, ho
     Args:
         x: Positions [m], shape [free, 3].
         x_start: Positions at the start of the sub-step [m], shape [free, 3].
-        x_clear: Positions that the search moved to thickness and lift [m], shape [free, 3].
-        contacts: What the search found.
-        carry: How points move with the shapes in a sub-step, see `PosedShapes`, shape [m, 3, 4].
-        inner: Radius of a ball that fits into each shape [m], shape [m].
-        lift: How far above a surface contacts are found [m].
-        grip: Stiffness of a contact [N/m], shape [free].
-        swift: Contact is stiffer where this times the way of the surface in the sub-step is more
-            than a part of that radius.
-        hold: `solvers.implicit.workspace.Hold`, changed in place.
+        cloth: `solvers.implicit.given.Cloth`; `clear` are the positions that the search moved
+            to thickness and lift.
+        met: `solvers.implicit.given.Met`. Contact is stiffer where `swift` times the way of
+            the surface in the sub-step is more than a part of the shape's inner radius.
+        hold: `solvers.implicit.given.Hold`, changed in place.
     """
+    x_clear, grip = cloth.clear, cloth.grip
+    contacts, carry, inner, lift, swift = met.contacts, met.carry, met.inner, met.lift, met.swift
     zero = np.float32(0.0)
     for p in range(x.shape[0]):
         c = contacts.shape[p]
@@ -66,18 +64,18 @@ def take_hold(x, x_start, x_clear, contacts, carry, inner, lift, grip, swift, ho
         else:
             hold.normal[p] = contacts.normal[p]
         level = zero if contacts.depth[p] == np.float32(np.inf) else -lift
-        ridden = zero
+        moved_with = zero
         sx, sy, sz = x_start[p, 0], x_start[p, 1], x_start[p, 2]
         for k in range(3):
             level += hold.normal[p, k] * x_clear[p, k]
             hold.ride[p, k] = (
                 carry[c, k, 0] * sx + carry[c, k, 1] * sy + carry[c, k, 2] * sz + carry[c, k, 3]
             )
-            ridden += hold.ride[p, k] * hold.ride[p, k]
+            moved_with += hold.ride[p, k] * hold.ride[p, k]
         # Few values, so that the matrix seldom changes.
         stiffer = np.float32(1.0)
         give = max(lift, _GIVE * inner[c])
-        while stiffer < min(swift * np.sqrt(ridden) / give, _STIFFEST):
+        while stiffer < min(swift * np.sqrt(moved_with) / give, _STIFFEST):
             stiffer *= np.float32(4.0)
         hold.grip[p] = stiffer * grip[p]
         hold.level[p] = level
@@ -91,7 +89,7 @@ def update_diagonal(base, place, owner, hold, diagonal, changed):
         base: Without contacts, in the order of elimination [N/m], shape [free].
         place: Column of each particle, shape [free].
         owner: Front of each column, shape [free].
-        hold: `solvers.implicit.workspace.Hold`.
+        hold: `solvers.implicit.given.Hold`.
         diagonal: Changed in place [N/m], shape [free].
         changed: Set where a front has another entry now, shape [fronts].
     """

@@ -21,8 +21,9 @@ _TOO_FAR = 0.9
 
 
 @kernel(inner=True)
-def all_forces(x, free, x_start, behind, ties, cloth, friction, hold, force):
+def all_forces(moving, ties, cloth, friction, hold, force):
     """Less the gradient of a sub-step's energy [N], in the order of elimination, [3, free + 1]."""
+    x, free = moving.x, moving.share.size
     edge_forces(
         x.reshape(-1),
         cloth.edge_particles,
@@ -40,82 +41,68 @@ def all_forces(x, free, x_start, behind, ties, cloth, friction, hold, force):
         force,
     )
     add_inertia_and_contact(
-        x[:free], x_start, behind, cloth.place, cloth.inertia, friction, hold, force
+        x[:free], moving.x_start, moving.behind, cloth.place, cloth.inertia, friction, hold, force
     )
     add_ties(cloth.place, ties, force)
     force[:, free] = np.float32(0.0)
 
 
 @kernel(inner=True)
-def advance(x, behind, ties, place, direction, step):
+def advance(moving, ties, place, direction, step):
     """Goes so much of a direction [3, free + 1]."""
-    move(x, behind, place, direction, step)
+    move(moving.x[: moving.share.size], moving.behind, place, direction, step)
     follow_ties(place, ties, direction, step)
 
 
 @kernel(inner=True)
-def minimise(x, free, x_start, behind, ties, cloth, friction, hold, past, iterations):
+def minimise(moving, ties, cloth, friction, hold, past, iterations):
     """Steps towards the least energy, from x, which is changed in place."""
     force, other, direction = past.now, past.next, past.direction
-    all_forces(x, free, x_start, behind, ties, cloth, friction, hold, force)
+    all_forces(moving, ties, cloth, friction, hold, force)
     count = 0
     for i in range(iterations):
         descend(force, cloth.fronts, cloth.factor, cloth.scratch, past, count, direction)
         before = dot(force, direction)
         if not before > 0.0:
             break
-        advance(x[:free], behind, ties, cloth.place, direction, np.float32(1.0))
+        advance(moving, ties, cloth.place, direction, np.float32(1.0))
         if i + 1 == iterations and count == 0:
             break  # The matrix is an upper bound: the first step is never too long.
-        all_forces(x, free, x_start, behind, ties, cloth, friction, hold, other)
+        all_forces(moving, ties, cloth, friction, hold, other)
         after = dot(other, direction)
         step = 1.0
         if after < -_TOO_FAR * before:
             step = before / (before - after)
-            advance(x[:free], behind, ties, cloth.place, direction, np.float32(step - 1.0))
-            all_forces(x, free, x_start, behind, ties, cloth, friction, hold, other)
+            advance(moving, ties, cloth.place, direction, np.float32(step - 1.0))
+            all_forces(moving, ties, cloth, friction, hold, other)
         count = remember(past, count, direction, step, force, other)
         force, other = other, force
 
 
 @kernel()
-def begin_sub_step(
-    x,
-    v,
-    free,
-    x_start,
-    behind,
-    share,
-    pin_collider,
-    pin_position,
-    position,
-    orientation,
-    origin,
-    push,
-    keep,
-    dt,
-):
-    """Free particles coast and fall, pinned ones follow their bones.
+def begin_sub_step(moving, riding, push, keep, dt):
+    """Free particles coast and fall, pinned ones ride.
 
     Args:
-        x: Positions, changed in place [m], shape [n, 3].
-        v: Velocities; those of pins are changed in place [m/s], shape [n, 3].
-        free: Number of free particles, the first ones.
-        x_start: Output, positions before [m], shape [n, 3].
-        behind: Output, see `predict_with_share`, shape [n, 3].
-        share: See `predict_with_share`, shape [free].
-        pin_collider: Collider that each pin follows, shape [p].
-        pin_position: Its place in that collider's frame [m], shape [p, 3].
-        position: Of all colliders at the end of the sub-step [m], shape [c, 3].
-        orientation: Their unit quaternions, shape [c, 4].
-        origin: World position of the local origin [m], shape [3].
+        moving: `Moving`; all but the velocities of free particles is changed in place.
+        riding: `Riding`.
         push: Velocity that outer forces add in the sub-step [m/s], shape [3].
         keep: Part of velocity that is kept.
         dt: Sub-step [s].
     """
-    predict_with_share(x[:free], v[:free], x_start, behind, share, push, keep, dt)
+    x, v, x_start, free = moving.x, moving.v, moving.x_start, moving.share.size
+    predict_with_share(x[:free], v[:free], x_start, moving.behind, moving.share, push, keep, dt)
     x_start[free:] = x[free:]
-    carry_pins(x[free:], v[free:], pin_collider, pin_position, position, orientation, origin, dt)
+    carry_pins(
+        x[free:],
+        v[free:],
+        riding.collider,
+        riding.place,
+        riding.position,
+        riding.orientation,
+        riding.origin,
+        dt,
+    )
 
 
 @kernel()
@@ -127,45 +114,20 @@ def keep_up(x, x_before, behind):
 
 
 @kernel()
-def find_positions(
-    x,
-    free,
-    x_start,
-    behind,
-    x_clear,
-    ties,
-    cloth,
-    hold,
-    past,
-    contacts,
-    carry,
-    inner,
-    friction,
-    lift,
-    swift,
-    iterations,
-):
+def find_positions(moving, ties, cloth, hold, past, met, iterations):
     """From a prediction and the contacts found there to the positions of least energy.
 
     Args:
-        x: Positions, changed in place [m], shape [n, 3].
-        free: Number of free particles, the first ones.
-        x_start: Positions at the start [m], shape [n, 3].
-        behind: See `predict_with_share`; follows x, shape [n, 3].
-        x_clear: Positions that the search moved to thickness and lift [m], shape [n, 3].
-        ties: `solvers.implicit.workspace.Ties`.
-        cloth: `solvers.implicit.workspace.Cloth`.
-        hold: `solvers.implicit.workspace.Hold`.
-        past: `solvers.implicit.workspace.Past`.
-        contacts: What the search found.
-        carry: How points move with the shapes in the sub-step, see `PosedShapes`.
-        inner: Radius of a ball that fits into each shape [m], shape [m].
-        friction: Coulomb coefficient.
-        lift: How far above a surface contacts are found [m].
-        swift: See `take_hold`.
+        moving: `Moving`; positions are changed in place, and what follows them.
+        ties: `solvers.implicit.given.Ties`.
+        cloth: `solvers.implicit.given.Cloth`; `clear` are the positions that the search moved
+            to thickness and lift.
+        hold: `solvers.implicit.given.Hold`.
+        past: `solvers.implicit.given.Past`.
+        met: `solvers.implicit.given.Met`.
         iterations: Steps towards the least energy.
     """
-    take_hold(x[:free], x_start, x_clear, contacts, carry, inner, lift, cloth.grip, swift, hold)
+    take_hold(moving.x[: moving.share.size], moving.x_start, cloth, met, hold)
     update_diagonal(
         cloth.base, cloth.place, cloth.fronts.owner, hold, cloth.diagonal, cloth.changed
     )
@@ -178,4 +140,4 @@ def find_positions(
         cloth.update,
         cloth.factor,
     )
-    minimise(x, free, x_start, behind, ties, cloth, friction, hold, past, iterations)
+    minimise(moving, ties, cloth, met.friction, hold, past, iterations)

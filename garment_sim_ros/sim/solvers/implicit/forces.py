@@ -158,7 +158,7 @@ def add_inertia_and_contact(x, x_start, behind, place, inertia, friction, hold, 
         place: Column of each particle, shape [free].
         inertia: Mass over squared sub-step, with damping [N/m], shape [free].
         friction: Coulomb coefficient.
-        hold: `solvers.implicit.workspace.Hold`.
+        hold: `solvers.implicit.given.Hold`.
         force: Changed in place [N], shape [3, free + 1].
     """
     zero = np.float32(0.0)

@@ -39,7 +39,7 @@ def descend(force, fronts, factor, scratch, past, count, direction):
         fronts: See `sim.solvers.implicit.dissection.Fronts`.
         factor: Of the matrix, see `cholesky.factorise`.
         scratch: Scratch of a solution.
-        past: `solvers.implicit.workspace.Past`.
+        past: `solvers.implicit.given.Past`.
         count: Number of steps that it has; the latest are kept.
         direction: Output [m], shape [3, n].
     """
@@ -61,7 +61,7 @@ def remember(past, count, direction, step, before, after):
     """Keeps a step and how much it changed the force; the new count of those kept.
 
     Args:
-        past: `solvers.implicit.workspace.Past`.
+        past: `solvers.implicit.given.Past`.
         count: Number of steps that it has.
         direction: Of the step [m], shape [3, n].
         step: How much of that was taken.

@@ -26,6 +26,7 @@ from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.motion import damping_rate, measure_motion, outer_forces
 from garment_sim_ros.sim.piece import Piece, Step
 from garment_sim_ros.sim.solvers.implicit.descent import begin_sub_step, find_positions, keep_up
+from garment_sim_ros.sim.solvers.implicit.given import Met, Moving, Riding
 from garment_sim_ros.sim.solvers.implicit.ties import begin_ties
 from garment_sim_ros.sim.solvers.implicit.velocities import new_velocities
 from garment_sim_ros.sim.solvers.implicit.workspace import ImplicitWorkspace
@@ -136,17 +137,14 @@ def _predict(piece: Piece, step: Step) -> None:
     now = colliders.now
     assert ties is not None
     begin_sub_step(
-        state.x,
-        state.v,
-        model.free_count,
-        workspace.x_start,
-        workspace.x_predicted,
-        workspace.share,
-        model.pin_collider,
-        model.pin_position,
-        now.position,
-        now.orientation,
-        colliders.origin,
+        _moving(piece),
+        Riding(
+            collider=model.pin_collider,
+            place=model.pin_position,
+            position=now.position,
+            orientation=now.orientation,
+            origin=colliders.origin,
+        ),
         workspace.push,
         np.float32(workspace.keep),
         np.float32(step.dt),
@@ -183,20 +181,24 @@ def _descend(piece: Piece, step: Step) -> None:
     # (`_WEIGHTS`), sinks in by a small fraction of the shape's radius at most.
     swift = np.float32(workspace.sink / (GRAVITY * step.dt * step.dt))
     find_positions(
-        piece.state.x,
-        piece.model.free_count,
-        workspace.x_start,
-        workspace.x_predicted,
-        workspace.cloth.clear,
+        _moving(piece),
         workspace.ties,
         workspace.cloth,
         workspace.hold,
         workspace.past,
-        workspace.contacts,
-        colliders.posed.carry,
-        colliders.sweep.inscribed_radius,
-        np.float32(piece.model.material.friction),
-        np.float32(workspace.lift),
-        swift,
+        Met(
+            contacts=workspace.contacts,
+            carry=colliders.posed.carry,
+            inner=colliders.sweep.inscribed_radius,
+            lift=np.float32(workspace.lift),
+            swift=swift,
+            friction=np.float32(piece.model.material.friction),
+        ),
         step.params.settings.iterations,
     )
+
+
+def _moving(piece: Piece) -> Moving:
+    """The particles as kernels have them."""
+    state, workspace = piece.state, _workspace(piece)
+    return Moving(state.x, state.v, workspace.x_start, workspace.x_predicted, workspace.share)

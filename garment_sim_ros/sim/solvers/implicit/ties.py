@@ -18,7 +18,7 @@ def begin_ties(x, x_start, behind, ties, position, orientation, origin):
         x: Predicted positions, changed where springs are firm [m], shape [n, 3].
         x_start: Positions at the start of the sub-step [m], shape [n, 3].
         behind: See `predict_with_share`; follows x, shape [n, 3].
-        ties: `solvers.implicit.workspace.Ties`.
+        ties: `solvers.implicit.given.Ties`.
         position: World positions of all colliders at the end of the sub-step [m], shape [c, 3].
         orientation: Their unit quaternions, shape [c, 4].
         origin: World position of the local origin [m], shape [3].

@@ -25,7 +25,7 @@ def new_velocities(x, v, x_start, behind, friction, push, keep, dt, blend, share
         dt: Sub-step [s].
         blend: How much of the new share counts.
         share: Changed in place, see `predict_with_share`, shape [free].
-        hold: `solvers.implicit.workspace.Hold`; levers become relative to the new positions.
+        hold: `solvers.implicit.given.Hold`; levers become relative to the new positions.
         motion: Output, sum and maximum of squared speeds [m^2/s^2], shape [2].
 
     Returns:

@@ -1,13 +1,11 @@
 """What `implicit` keeps of a garment: its energy, its matrix, contacts, and the last few steps."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 
-from garment_sim_ros.arrays import FloatArray, IndexArray, IntArray, LongArray, SingleArray
+from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.sim.elasticity import (
     GRAVITY,
     Hinges,
@@ -16,9 +14,9 @@ from garment_sim_ros.sim.elasticity import (
     no_stiffer,
     stiffness_by_weight,
 )
-from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.model import ClothModel
-from garment_sim_ros.sim.solvers.implicit.dissection import Fronts, dissect
+from garment_sim_ros.sim.solvers.implicit.dissection import dissect
+from garment_sim_ros.sim.solvers.implicit.given import Cloth, Hold, Past, Ties
 from garment_sim_ros.sim.state import Workspace
 
 _WEIGHTS = 20.0
@@ -33,150 +31,6 @@ _HARDLY = 1e-5
 """Strain by a garment's own weight that makes no difference to it."""
 _FIRM = 1e4
 """An attachment that is stiffer, in stiffnesses of all else at its particle, does not give way."""
-_PAST = 5
-"""How many steps towards the least energy the next one is found from."""
-
-
-class Hold(NamedTuple):
-    """Contacts as springs, one for each free particle.
-
-    Attributes:
-        grip: Stiffness, 0 for none [N/m], shape [free].
-        normal: The way out, shape [free, 3].
-        level: How far along it the surface is from the local origin [m], shape [free].
-        lever: From the particle to its anchor along the surface [m], shape [free, 3].
-        ride: How far the surface moves in a sub-step [m], shape [free, 3].
-    """
-
-    grip: SingleArray
-    normal: SingleArray
-    level: SingleArray
-    lever: SingleArray
-    ride: SingleArray
-
-
-class Past(NamedTuple):
-    """The last steps towards the least energy, and scratch of the next.
-
-    Attributes:
-        step: The steps [m], shape [k, 3, free + 1].
-        force: How much force each took away [N], shape [k, 3, free + 1].
-        curvature: Their inner products [J], shape [k].
-        share: Scratch, shape [k].
-        now: Scratch: force, shape [3, free + 1].
-        next: Scratch, likewise.
-        direction: Scratch, likewise [m].
-    """
-
-    step: SingleArray
-    force: SingleArray
-    curvature: FloatArray
-    share: FloatArray
-    now: SingleArray
-    next: SingleArray
-    direction: SingleArray
-
-    @classmethod
-    def room_for(cls, n: int, kept: int = _PAST) -> "Past":
-        """Arrays for so many free particles and steps."""
-        return cls(
-            step=np.zeros((kept, 3, n + 1), np.float32),
-            force=np.zeros((kept, 3, n + 1), np.float32),
-            curvature=np.zeros(kept),
-            share=np.zeros(kept),
-            now=np.zeros((3, n + 1), np.float32),
-            next=np.zeros((3, n + 1), np.float32),
-            direction=np.zeros((3, n + 1), np.float32),
-        )
-
-
-class Ties(NamedTuple):
-    """Soft attachments, s of them, as a sub-step needs them.
-
-    Attributes:
-        particle: Whom they pull, shape [s].
-        collider: Collider that the place of each is on, shape [s].
-        spot: The place in that collider's frame [m], shape [s, 3].
-        target: The places when the last sub-step ended [m], NaN where not known, shape [s, 3].
-        pull: Stiffness of spring and damper together [N/m], shape [s].
-        spring: The spring's share of that, shape [s].
-        firm: Whether that is so stiff that the particle is at its place, shape [s].
-        lead: From the particle to where it is pulled to [m], shape [s, 3].
-    """
-
-    particle: IntArray
-    collider: IntArray
-    spot: FloatArray
-    target: SingleArray
-    pull: SingleArray
-    spring: FloatArray
-    firm: NDArray[np.bool_]
-    lead: SingleArray
-
-    @classmethod
-    def of(cls, attached: Attached) -> "Ties":
-        """Those of a garment, without stiffness yet."""
-        s = len(attached.particle)
-        return cls(
-            particle=attached.particle,
-            collider=attached.collider,
-            spot=attached.place,
-            target=attached.target,
-            pull=np.zeros(s, np.float32),
-            spring=np.zeros(s),
-            firm=np.zeros(s, np.bool_),
-            lead=np.zeros((s, 3), np.float32),
-        )
-
-
-class Cloth(NamedTuple):
-    """Edges, hinges and the matrix as sub-steps need them.
-
-    Attributes:
-        edge_particles: Ends, flat, shape [2 m].
-        edge_place: Their columns, shape [2 m].
-        rest_squared: Squared rest lengths [m^2], shape [m].
-        edge_stiffness: Shape [m] [N/m].
-        hinge_particles: Shape [h, 4].
-        hinge_place: Their columns, shape [h, 4].
-        hinge_weight: Shape [h, 4].
-        hinge_stiffness: Shape [h] [N/m].
-        inertia: Mass over squared sub-step, with damping [N/m], shape [free].
-        place: Column of each free particle, shape [free].
-        fronts: Order and fronts of the matrix.
-        stiffness: Of edges between free particles in the matrix [N/m], shape [inner].
-        base: Its diagonal without contacts [N/m], shape [free].
-        diagonal: Its diagonal [N/m], shape [free].
-        changed: Fronts to be factored again, shape [fronts].
-        front: Scratch.
-        update: What fronts add to their parents.
-        factor: The factor.
-        grip: Stiffness of a contact [N/m], shape [free].
-        clear: Scratch of a search, shape [n, 3].
-        scratch: Scratch of a solution.
-    """
-
-    edge_particles: IndexArray
-    edge_place: IndexArray
-    rest_squared: SingleArray
-    edge_stiffness: SingleArray
-    hinge_particles: IntArray
-    hinge_place: IndexArray
-    hinge_weight: SingleArray
-    hinge_stiffness: SingleArray
-    inertia: SingleArray
-    place: LongArray
-    fronts: Fronts
-    stiffness: FloatArray
-    base: FloatArray
-    diagonal: FloatArray
-    changed: NDArray[np.bool_]
-    front: FloatArray
-    update: FloatArray
-    factor: SingleArray
-    grip: SingleArray
-    clear: SingleArray
-    scratch: SingleArray
 
 
 def bending_bound(

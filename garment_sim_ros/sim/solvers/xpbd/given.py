@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
-from garment_sim_ros.contact.collide import Contacts
+from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.contact.guard.guard import Guard
 from garment_sim_ros.contact.packed import PackedShapes, PosedShapes
 from garment_sim_ros.contact.sides import Sides

@@ -1,0 +1,117 @@
+"""The garments of a simulation by their names, and what is known of each."""
+
+from collections.abc import Iterator
+
+from garment_sim_ros.arrays import FloatArray, SingleArray
+from garment_sim_ros.contact.sides import Sides
+from garment_sim_ros.errors import ParameterError
+from garment_sim_ros.geometry.topology import vertex_normals
+from garment_sim_ros.sim.colliders import ColliderState
+from garment_sim_ros.sim.garment_view import GarmentView
+from garment_sim_ros.sim.health import Health
+from garment_sim_ros.sim.holds.tethers import Attached
+from garment_sim_ros.sim.layers.pair import LayerPair
+from garment_sim_ros.sim.model import ClothModel
+from garment_sim_ros.sim.motion import to_file_order
+from garment_sim_ros.sim.state import State
+from garment_sim_ros.sim.worn import Worn
+
+
+class ByName:
+    """What a `Simulation` tells of its garments; nothing here changes it."""
+
+    _worn: dict[str, Worn]
+    _under: dict[str, list[tuple[Worn, LayerPair]]]
+    _view: dict[str, GarmentView]
+    _colliders: ColliderState
+
+    def __getitem__(self, name: str) -> GarmentView:
+        """A garment by its name.
+
+        Raises:
+            ParameterError: There is no such garment.
+        """
+        if name not in self._view:
+            raise ParameterError("garment", f"found {name!r}", f"allowed: {', '.join(self.names)}")
+        return self._view[name]
+
+    def __iter__(self) -> Iterator[GarmentView]:
+        return iter(self._view.values())
+
+    def __len__(self) -> int:
+        return len(self._view)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the garments."""
+        return tuple(self._worn)
+
+    def model(self, name: str) -> ClothModel:
+        """Particles and springs of a garment."""
+        return self._worn[name].model
+
+    def state(self, name: str) -> State:
+        """Motion of a garment, in the order of its model and relative to `origin`."""
+        return self._worn[name].state
+
+    def sides(self, name: str) -> Sides:
+        """On which side of a garment's free particles the shapes are."""
+        return self._worn[name].workspace.sides
+
+    def layer(self, name: str) -> int:
+        """The layer that a garment is worn in."""
+        return self._worn[name].garment.layer
+
+    def over(self, name: str) -> tuple[LayerPair, ...]:
+        """How a garment meets each of those that it is worn over."""
+        return tuple(pair for _, pair in self._under[name])
+
+    def skin_limits(self, name: str) -> tuple[str, ...]:
+        """Names of the limits that hold a garment near its place as skin."""
+        return tuple(self._worn[name].garment.skin_limits)
+
+    def attached(self, name: str) -> Attached:
+        """Tethers and soft attachments of a garment."""
+        return self._worn[name].workspace.attached
+
+    def limits(self, name: str) -> tuple[str, ...]:
+        """What the solver does not take as a garment's material has it, in words."""
+        return self._worn[name].workspace.limits
+
+    def own_distance(self, name: str) -> float | None:
+        """The distance that parts of a garment keep from each other [m]; None without."""
+        return self._worn[name].garment.self_collision
+
+    def health(self, name: str) -> Health:
+        """Counts and readings of a garment."""
+        return self._worn[name].health
+
+    @property
+    def collider_state(self) -> ColliderState:
+        """The colliders in the latest step."""
+        return self._colliders
+
+    @property
+    def origin(self) -> FloatArray:
+        """World position that the states' positions are relative to [m], shape [3]."""
+        return self._colliders.origin
+
+    def positions(self, name: str, out: SingleArray | None = None) -> SingleArray:
+        """World positions of a garment's vertices in file order [m], shape [v, 3].
+
+        Without `out`, an array that the next call for this garment overwrites.
+        """
+        worn = self._worn[name]
+        out = worn.x_world if out is None else out
+        to_file_order(worn.state.x, worn.model.vertex, self._colliders.origin, out)
+        return out
+
+    def normals(self, name: str, out: SingleArray | None = None) -> SingleArray:
+        """Unit normals of a garment's vertices in file order, shape [v, 3].
+
+        Without `out`, an array that the next call for this garment overwrites.
+        """
+        worn = self._worn[name]
+        out = worn.normal if out is None else out
+        vertex_normals(self.positions(name), worn.model.triangles, out)
+        return out
