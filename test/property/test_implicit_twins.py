@@ -12,8 +12,9 @@ from garment_sim_ros.sim.solvers.implicit.cholesky import factorise, solve_facto
 from garment_sim_ros.sim.solvers.implicit.descent import keep_up
 from garment_sim_ros.sim.solvers.implicit.dissection import dissect
 from garment_sim_ros.sim.solvers.implicit.forces import edge_forces, hinge_forces, on_the_cone
+from garment_sim_ros.sim.solvers.implicit.given import Past
 from garment_sim_ros.sim.solvers.implicit.lbfgs import descend, remember
-from garment_sim_ros.sim.solvers.implicit.workspace import Past, bending_bound
+from garment_sim_ros.sim.solvers.implicit.workspace import bending_bound
 
 SEEDS = st.integers(0, 10**6)
 
