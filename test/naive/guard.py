@@ -22,7 +22,10 @@ def distance(p, d, a, u, v):
                 constraints={"type": "ineq", "fun": lambda y: 1.0 - y[1] - y[2]},
                 options={"ftol": 1e-16, "maxiter": 200},
             )
-            best = min(best, found.fun)
+            # The search may end a little past its bounds.
+            s_end, g_end, h_end = np.clip(found.x, 0.0, 1.0)
+            inside = max(g_end + h_end, 1.0)
+            best = min(best, square((s_end, g_end / inside, h_end / inside)))
     return np.sqrt(max(best, 0.0))
 
 

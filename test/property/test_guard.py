@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from naive import guard as naive
 
@@ -27,6 +27,7 @@ def split(values):
 
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(numbers)
+@example([0, 0.6875, 0.6875, 0, 0, 0, 0, -0.8835, 0.8249, 0, 0.890625, 0.8984375, 0, -1, -0.3125])
 def test_nearest_places(values):
     p, d, a, u, v = split(values)
     s, g, h, square = nearest(*map(tuple, (p, d, a, u, v)))

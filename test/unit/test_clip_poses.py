@@ -1,13 +1,16 @@
 """Bodies in the poses of a clip."""
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from conftest import REPOSITORY
 
 from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.colliders.hulls.hulls import fit_hulls
+from garment_sim_ros.colliders.regions import bone_weights, skin_regions
 from garment_sim_ros.colliders.report.motion_report import motion_report
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
@@ -54,9 +57,16 @@ def test_bodies_of_the_trade_off_stand_on_the_ground(data_file, monkeypatch):
 def test_hulls_of_widely_spread_weights_follow_the_skin(data_file, clip):
     """Weights that change over a long way need more than a half-turning shape; toes their own.
 
-    1 % of the area was 20 and 30 mm outside without them.
+    1 % of the area was 20 and 30 mm outside without them. A strip of the trunk that moves with the
+    left arm is left to the trunk: an arm's collider there went through garments.
     """
     body = load_body(data_file("bodies", "CesiumMan.glb"))
     poses = clip_poses(load_clip(data_file("mocap", f"{clip}.bvh")), body, 10)
-    report = motion_report(body, fit_hulls(body).colliders, poses)
-    assert report["outside_mm_p99"] < 10.0
+    fitted = fit_hulls(body)
+    assert motion_report(body, fitted.colliders, poses)["outside_mm_p99"] < 20.0
+    bones = major_bones(body, also=("leftToes", "rightToes"))
+    own = np.abs(skin_regions(body).weight - bone_weights(body.skin, bones)).max(axis=1) < 0.02
+    kept = body.skin.triangles[own[body.skin.triangles].all(axis=1)]
+    assert len(kept) > 0.9 * len(body.skin.triangles)
+    limbs = replace(body, skin=replace(body.skin, triangles=kept))
+    assert motion_report(limbs, fitted.colliders, poses)["outside_mm_p99"] < 10.0

@@ -38,6 +38,8 @@ class Guard(NamedTuple):
         seen: Number of the search in which each core was near each triangle, shape [c, t].
         side: Unit direction from the core to the triangle then, shape [c, t, 3].
         crossed: Whether the triangle has to come back to that side, shape [c, t].
+        stuck: The search in which each core was last found in a triangle that is worn on it, and
+            in how many in a row, shape [2, c].
         kept: The core that holds each free particle since the last search, -1 for none, shape [n].
         moved: Scratch: how far each free particle was moved in the search [m], shape [n].
         counts: Number of the search; pairs of the last one; triangles moved in it; cores that
@@ -55,6 +57,7 @@ class Guard(NamedTuple):
     seen: IntArray
     side: SingleArray
     crossed: NDArray[np.bool_]
+    stuck: IntArray
     kept: IntArray
     moved: SingleArray
     counts: IntArray
@@ -98,6 +101,7 @@ class Guard(NamedTuple):
             seen=np.full((c, t), -9, np.int32),
             side=np.zeros((c, t, 3), np.float32),
             crossed=np.zeros((c, t), np.bool_),
+            stuck=np.zeros((2, c), np.int32),
             kept=np.full(free, -1, np.int32),
             moved=np.zeros(free, np.float32),
             counts=np.zeros(4, np.int32),
@@ -118,6 +122,7 @@ class Guard(NamedTuple):
             seen=np.zeros((0, 0), np.int32),
             side=np.zeros((0, 0, 3), np.float32),
             crossed=np.zeros((0, 0), np.bool_),
+            stuck=np.zeros((2, 0), np.int32),
             kept=np.full(free, -1, np.int32),
             moved=np.zeros(free, np.float32),
             counts=np.zeros(4, np.int32),

@@ -5,8 +5,9 @@ sides, a limb gets through all the same. The guard acts after each search for co
 triangles that are nearer to the core of a body part than its `radius`. On which side of a core a
 triangle is, is remembered from search to search as long as the two are near each other; what
 crossed on its way comes back to the side that it came from. A core that is found in a triangle
-without having come from anywhere is led out: a triangle's outer face looks away from what the
-cloth is worn on, and at what is outside of it.
+without having come from anywhere is led out: at once of cloth that it is outside of, after a while
+of cloth that is worn on it, which contact alone brings back in most cases. A triangle's outer face
+looks away from what the cloth is worn on, and at what is outside of it.
 
 A limb that the motion presses into another one leaves no place for cloth between the two. The
 cloth then stays on the limb: what the other shape does to particles that the guard holds is
@@ -30,6 +31,8 @@ _BUDGET = 0.04
 """Farthest that a particle is moved in a search [m]: it may be a corner of many triangles."""
 _CLOSE = 1e-4
 """From the second pass on, a distance that is too short by less is left [m]."""
+_PATIENCE = 40
+"""Searches for which contact alone may get a core out of a triangle that is worn on it."""
 _NO_PASS = 0.008
 """What particles near a core may move relative to it from search to search, at least [m]."""
 
@@ -107,6 +110,16 @@ def _let_go(guard, bodies, x_before, x_free, x, v, thickness, time):
 
 
 @lean_kernel(inner=True)
+def _is_stuck(guard, c):
+    """Whether core c, found in a triangle in this search, was found in one for long."""
+    now = guard.counts[0]
+    if guard.stuck[0, c] != now:
+        guard.stuck[1, c] = guard.stuck[1, c] + 1 if guard.stuck[0, c] == now - 1 else 1
+        guard.stuck[0, c] = now
+    return guard.stuck[1, c] > _PATIENCE
+
+
+@lean_kernel(inner=True)
 def _find_side(guard, x_before, x, c, t, m, distance, u, v):
     """Finds, once in a search, on which side of core c triangle t belongs.
 
@@ -134,9 +147,12 @@ def _find_side(guard, x_before, x, c, t, m, distance, u, v):
     came_from, how = crossing(guard, x_before, x, c, t)
     n = cross(u, v)
     # What is under the cloth has its inner face before it. A triangle that comes with the outer
-    # one, or around the core, has no business there: contact gets it away.
+    # one, or around the core, has no business there: contact gets it away, in most cases.
     outside = guard.outside[c, t]
-    strange = distance > 0.0 if how == FOUND_IN else dot(came_from, n) < 0.0
+    if how == FOUND_IN:
+        strange = distance > 0.0 or not _is_stuck(guard, c)
+    else:
+        strange = dot(came_from, n) < 0.0
     if strange and not (known or outside):
         return
     guard.seen[c, t] = now

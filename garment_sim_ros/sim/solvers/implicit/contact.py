@@ -39,7 +39,7 @@ def take_hold(x, x_start, cloth, met, hold):
         cloth: `solvers.implicit.given.Cloth`; `clear` are the positions that the search moved
             to thickness and lift.
         met: `solvers.implicit.given.Met`. Contact is stiffer where `swift` times the way of
-            the surface in the sub-step is more than a part of the shape's inner radius.
+            the surface in the sub-step is more than a part of the shape's inscribed radius.
         hold: `solvers.implicit.given.Hold`, changed in place.
     """
     x_clear, grip = cloth.clear, cloth.grip
