@@ -39,7 +39,7 @@ class Guard(NamedTuple):
         side: Unit direction from the core to the triangle then, shape [c, t, 3].
         crossed: Whether the triangle has to come back to that side, shape [c, t].
         stuck: The search in which each core was last found in a triangle that is worn on it, and
-            in how many in a row, shape [2, c].
+            in how many of them less those without, shape [2, c].
         kept: The core that holds each free particle since the last search, -1 for none, shape [n].
         moved: Scratch: how far each free particle was moved in the search [m], shape [n].
         counts: Number of the search; pairs of the last one; triangles moved in it; cores that

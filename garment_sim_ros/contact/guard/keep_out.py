@@ -32,7 +32,7 @@ _BUDGET = 0.04
 _CLOSE = 1e-4
 """From the second pass on, a distance that is too short by less is left [m]."""
 _PATIENCE = 40
-"""Searches for which contact alone may get a core out of a triangle that is worn on it."""
+"""Searches with a core in a worn triangle, less those without, that contact alone has."""
 _NO_PASS = 0.008
 """What particles near a core may move relative to it from search to search, at least [m]."""
 
@@ -111,10 +111,14 @@ def _let_go(guard, bodies, x_before, x_free, x, v, thickness, time):
 
 @lean_kernel(inner=True)
 def _is_stuck(guard, c):
-    """Whether core c, found in a triangle in this search, was found in one for long."""
+    """Whether core c, found in a triangle in this search, was found in one for long.
+
+    A search without one counts against one with: cloth that flutters is off a core now and then.
+    """
     now = guard.counts[0]
-    if guard.stuck[0, c] != now:
-        guard.stuck[1, c] = guard.stuck[1, c] + 1 if guard.stuck[0, c] == now - 1 else 1
+    without = now - 1 - guard.stuck[0, c]
+    if without >= 0:
+        guard.stuck[1, c] = max(guard.stuck[1, c] - without, 0) + 1
         guard.stuck[0, c] = now
     return guard.stuck[1, c] > _PATIENCE
 
