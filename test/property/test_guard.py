@@ -175,3 +175,59 @@ def test_a_limb_that_is_found_in_cloth_worn_on_it_is_led_out(degrees):
     assert share == 0.0
     way = np.linalg.norm(simulation.positions("cloth") - garment.vertices, axis=1)
     assert way.max() < 0.25
+
+
+def sleeve(radius=0.05, length=0.4, edge=0.02):
+    """A tube about the x axis, pinned at its upper end, x = -0.2."""
+    around, along = round(2.0 * np.pi * radius / edge), round(length / edge)
+    angle = 2.0 * np.pi * np.arange(around) / around
+    x = np.linspace(-0.5 * length, 0.5 * length, along + 1)
+    ring = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    vertices = np.array([[at, *yz] for at in x for yz in ring])
+    k, i = np.meshgrid(np.arange(along), np.arange(around), indexing="ij")
+    a, b = (k * around + i).ravel(), (k * around + (i + 1) % around).ravel()
+    c, d = a + around, b + around
+    triangles = np.concatenate([np.stack([a, b, c], 1), np.stack([b, d, c], 1)])
+    return Garment.from_mesh(vertices, triangles, pins=np.arange(around), name="cloth")
+
+
+def test_a_limb_that_is_remembered_on_the_wrong_side_is_led_out(monkeypatch):
+    """Its lower half is out of the sleeve, and each triangle is held where it is."""
+    made, of = [], Guard.of
+
+    def kept(*args):
+        made.append(of(*args))
+        return made[-1]
+
+    monkeypatch.setattr(Guard, "of", kept)
+    garment = sleeve()
+    simulation = Simulation(garment, BODY, solver_step=1 / 180, gravity=(0, 0, 0))
+    simulation.reset(along_x(0.0, 0.0))
+    (guard,) = made
+    along = np.array([1.0, 0.0, 0.375]) / np.hypot(1.0, 0.375)
+    T = np.eye(4)
+    T[:3, :3] = np.stack([[0, 1, 0], np.cross(along, [0, 1, 0]), along], axis=1)
+    T[:3, 3] = -0.2, 0.0, -0.03
+    poses = BODY.poses({"rod": T})
+    start = T[:3, 3] + 0.06 * along
+    simulation.advance(poses, poses, 1 / 180)
+
+    def through():
+        meter = PiercedMeter(BODY)
+        meter.add(poses, {"cloth": (simulation.positions("cloth"), garment.triangles)})
+        return meter.result().share > 0.0
+
+    assert through()
+    centre = garment.vertices[guard.triangles].mean(axis=1)
+    s = np.clip((centre - start) @ along, 0.0, 0.28)
+    side = centre - start - s[:, None] * along
+    guard.side[0] = side / np.linalg.norm(side, axis=1)[:, None]
+    guard.seen[:] = guard.counts[0]
+    guard.crossed[:] = False
+    frames = []
+    for _ in range(120):
+        simulation.advance(poses, poses, 1 / 180)
+        frames.append(through())
+    assert not any(frames[60:])
+    way = np.linalg.norm(simulation.positions("cloth") - garment.vertices, axis=1)
+    assert way.max() < 0.2

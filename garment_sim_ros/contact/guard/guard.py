@@ -38,8 +38,8 @@ class Guard(NamedTuple):
         seen: Number of the search in which each core was near each triangle, shape [c, t].
         side: Unit direction from the core to the triangle then, shape [c, t, 3].
         crossed: Whether the triangle has to come back to that side, shape [c, t].
-        stuck: The search in which each core was last found in a triangle that is worn on it, and
-            in how many of them less those without, shape [2, c].
+        stuck: The search in which each core was last found in a triangle, and in how many of them
+            it was, less those without, shape [2, c].
         kept: The core that holds each free particle since the last search, -1 for none, shape [n].
         moved: Scratch: how far each free particle was moved in the search [m], shape [n].
         counts: Number of the search; pairs of the last one; triangles moved in it; cores that

@@ -5,9 +5,10 @@ sides, a limb gets through all the same. The guard acts after each search for co
 triangles that are nearer to the core of a body part than its `radius`. On which side of a core a
 triangle is, is remembered from search to search as long as the two are near each other; what
 crossed on its way comes back to the side that it came from. A core that is found in a triangle
-without having come from anywhere is led out: at once of cloth that it is outside of, after a while
-of cloth that is worn on it, which contact alone brings back in most cases. A triangle's outer face
-looks away from what the cloth is worn on, and at what is outside of it.
+without having come from anywhere is led out at once if it belongs outside of the cloth. Of cloth
+that is worn on it, contact alone brings it out in most cases. A core that stays in cloth is stuck:
+what is remembered of the triangles holds them on both sides of it. Their sides are then taken from
+their faces: the outer one looks away from what the cloth is worn on, and at what is outside of it.
 
 A limb that the motion presses into another one leaves no place for cloth between the two. The
 cloth then stays on the limb: what the other shape does to particles that the guard holds is
@@ -31,8 +32,8 @@ _BUDGET = 0.04
 """Farthest that a particle is moved in a search [m]: it may be a corner of many triangles."""
 _CLOSE = 1e-4
 """From the second pass on, a distance that is too short by less is left [m]."""
-_PATIENCE = 40
-"""Searches with a core in a worn triangle, less those without, that contact alone has."""
+_PATIENCE = 10
+"""Searches with a core in the cloth, less those without, after which it is stuck."""
 _NO_PASS = 0.008
 """What particles near a core may move relative to it from search to search, at least [m]."""
 
@@ -110,17 +111,56 @@ def _let_go(guard, bodies, x_before, x_free, x, v, thickness, time):
 
 
 @lean_kernel(inner=True)
-def _is_stuck(guard, c):
-    """Whether core c, found in a triangle in this search, was found in one for long.
+def _is_stuck(guard, c, distance):
+    """Whether core c has been in the cloth for most of the last searches.
 
-    A search without one counts against one with: cloth that flutters is off a core now and then.
+    A search without counts against one with: cloth that flutters is off a core now and then.
+
+    Args:
+        guard: `Guard`, of which `stuck` is changed.
+        c: A core.
+        distance: Its distance to a triangle in this search [m], 0 where it runs through it.
     """
     now = guard.counts[0]
     without = now - 1 - guard.stuck[0, c]
-    if without >= 0:
+    if distance == 0.0 and without >= 0:
         guard.stuck[1, c] = max(guard.stuck[1, c] - without, 0) + 1
         guard.stuck[0, c] = now
-    return guard.stuck[1, c] > _PATIENCE
+        without = -1
+    return guard.stuck[1, c] - max(without, 0) > _PATIENCE
+
+
+@lean_kernel(inner=True)
+def _learn_anew(guard, c, t, m, distance, n):
+    """Takes the side of a stuck core's triangle from its faces; what is remembered led nowhere.
+
+    Args:
+        guard: `Guard`, changed in place.
+        c: A core.
+        t: A triangle near it.
+        m: The direction to it.
+        distance: The distance [m], 0 where the core runs through it.
+        n: Normal of the triangle, of any length.
+    """
+    now = guard.counts[0]
+    r = (-1.0 if guard.outside[c, t] else 1.0) / np.sqrt(max(dot(n, n), 1e-30))
+    out = (r * n[0], r * n[1], r * n[2])
+    if (
+        guard.crossed[c, t]
+        and guard.seen[c, t] == now - 1
+        and dot(corner(guard.side[c], t), out) > 0.0
+    ):
+        guard.seen[c, t] = now
+        return
+    guard.crossed[c, t] = distance == 0.0
+    if distance == 0.0:
+        _put(guard.side[c], t, out)
+        guard.counts[3] += 1
+    elif dot(m, out) < 0.0:
+        return
+    else:
+        _put(guard.side[c], t, m)
+    guard.seen[c, t] = now
 
 
 @lean_kernel(inner=True)
@@ -139,6 +179,10 @@ def _find_side(guard, x_before, x, c, t, m, distance, u, v):
         v: To the third.
     """
     now = guard.counts[0]
+    n = cross(u, v)
+    if _is_stuck(guard, c, distance):
+        _learn_anew(guard, c, t, m, distance, n)
+        return
     known = guard.seen[c, t] == now - 1
     if known and guard.crossed[c, t]:
         guard.seen[c, t] = now
@@ -149,14 +193,10 @@ def _find_side(guard, x_before, x, c, t, m, distance, u, v):
         guard.seen[c, t] = now
         return
     came_from, how = crossing(guard, x_before, x, c, t)
-    n = cross(u, v)
     # What is under the cloth has its inner face before it. A triangle that comes with the outer
     # one, or around the core, has no business there: contact gets it away, in most cases.
     outside = guard.outside[c, t]
-    if how == FOUND_IN:
-        strange = distance > 0.0 or not _is_stuck(guard, c)
-    else:
-        strange = dot(came_from, n) < 0.0
+    strange = how == FOUND_IN or dot(came_from, n) < 0.0
     if strange and not (known or outside):
         return
     guard.seen[c, t] = now
@@ -166,7 +206,7 @@ def _find_side(guard, x_before, x, c, t, m, distance, u, v):
     elif how == FOUND_IN and known and not outside:
         guard.crossed[c, t] = True
     elif how == FOUND_IN and distance == 0.0:
-        r = (-1.0 if outside else 1.0) / np.sqrt(max(dot(n, n), 1e-30))
+        r = -1.0 / np.sqrt(max(dot(n, n), 1e-30))
         _put(guard.side[c], t, (r * n[0], r * n[1], r * n[2]))
         guard.crossed[c, t] = True
         guard.counts[3] += 1
