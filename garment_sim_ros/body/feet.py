@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.anatomy import SIDES, leg_length
 from garment_sim_ros.body.feet_lock import hold, touch
-from garment_sim_ros.body.feet_pass import ground, missed, watch
-from garment_sim_ros.body.leg_reach import FOOT, SHANK, THIGH
+from garment_sim_ros.body.feet_pass import Soles, ground, missed, watch
+from garment_sim_ros.body.leg_reach import FOOT, SHANK, THIGH, Legs
 from garment_sim_ros.body.skeleton import Skeleton
 from garment_sim_ros.body.skin import Body
 
@@ -80,10 +80,13 @@ class Feet:
         ]
         n, f = len(body.rig), len(whole)
         self._scale = scale
-        self._legs = np.zeros((f, 3), np.int32)
-        self._part = np.full((f, n), -1, np.int8)
-        self._hinge, self._ahead = np.zeros((2, f, 3))
-        self._reach = np.zeros(f)
+        self._legs = Legs(
+            joints=np.zeros((f, 3), np.int32),
+            part=np.full((f, n), -1, np.int8),
+            hinge=np.zeros((f, 3)),
+            ahead=np.zeros((f, 3)),
+            reach=np.zeros(f),
+        )
         self._joint = np.full((f, 2), -1, np.int32)
         self._offset, self._target_offset = np.zeros((2, f, 2, 3))
         self._standing, self._faded, self._weight, self._depth, self._place = np.zeros((5, f, 2))
@@ -95,7 +98,7 @@ class Feet:
         self._touch_limits = np.array(_TOUCHING) * (leg_length(source.marks) or 1.0)
         self._touching, self._off = np.zeros((2, f, 2))
         self._last = np.zeros((f, 2, 3))
-        self._grip = np.zeros(f)
+        self._lock = np.zeros(f)
         self.slipped = 0
         self._time: float | None = None
         joints: list[int] = []
@@ -104,13 +107,15 @@ class Feet:
         for i, side in enumerate(whole):
             self._measure_leg(i, side, rest, body)
             self._measure_foot(i, side, source, rest, ankle_height, end_sites)
-            joint, offset = _sole(body, rest, self._part[i] == FOOT, self._legs[i, 2])
+            joint, offset = _sole(body, rest, self._legs.part[i] == FOOT, self._legs.joints[i, 2])
             joints += joint
             offsets += offset
             starts.append(len(joints))
-        self._sole_joint = np.array(joints, np.int32)
-        self._sole_offset = np.array(offsets).reshape(-1, 3)
-        self._sole_start = np.array(starts, np.int32)
+        self._soles = Soles(
+            np.array(joints, np.int32),
+            np.array(offsets, np.float64).reshape(-1, 3),
+            np.array(starts, np.int32),
+        )
         self._sole_last = np.zeros((len(joints), 2))
 
     def forget(self) -> None:
@@ -125,7 +130,7 @@ class Feet:
             T_world_joint: The body's joints, changed in place, shape [n, 4, 4].
             time: Time of the pose [s]; earlier than the last one, or much later, begins anew.
         """
-        if not len(self._legs):
+        if not len(self._legs.joints):
             return
         dt = -1.0
         if self._time is not None and 0.0 <= time - self._time < PAST:
@@ -137,8 +142,8 @@ class Feet:
             self._weight.reshape(-1), self._depth.reshape(-1),
         )  # fmt: skip
         missed(
-            T_source, T_world_joint, self._joint, self._offset, self._legs[:, 2],
-            self._target_offset, self._ahead, self._stretch, self._scale, self._weight,
+            T_source, T_world_joint, self._joint, self._offset, self._legs.joints[:, 2],
+            self._target_offset, self._legs.ahead, self._stretch, self._scale, self._weight,
             self._place,
         )  # fmt: skip
         touch(
@@ -154,27 +159,23 @@ class Feet:
         self._stands[:, 2] = 1.0 - (1.0 - self._weight[:, 0]) * (1.0 - _ROLLS * self._weight[:, 1])
         fade = 1.0 if dt < 0.0 else 1.0 - np.exp(-dt / _POINTING)
         self._stands[:, 3] += fade * (self._stands[:, 0] - self._stands[:, 3])
-        ground(
-            T_world_joint, self._legs, self._part, self._hinge, self._ahead, self._reach,
-            self._stands, self._place, self._sole_joint, self._sole_offset, self._sole_start,
-        )  # fmt: skip
+        ground(T_world_joint, self._legs, self._soles, self._stands, self._place)
         self.slipped += hold(
-            T_world_joint, self._legs, self._part, self._hinge, self._reach, self._touching, dt,
-            self._sole_joint, self._sole_offset, self._sole_start, self._sole_last, self._grip,
-            self._off,
+            T_world_joint, self._legs, self._soles, self._touching, dt,
+            self._sole_last, self._lock, self._off,
         )  # fmt: skip
 
     def _measure_leg(self, i: int, side: str, rest: Skeleton, body: Body) -> None:
         """Joints, lengths and knee of one of the body's legs."""
         upper, lower, foot = (rest.bones[side + part] for part in _LEG)
-        self._legs[i] = upper, lower, foot
+        self._legs.joints[i] = upper, lower, foot
         for j, parent in enumerate(body.rig.parent):
-            above = self._part[i, parent] if parent >= 0 else -1
-            self._part[i, j] = {upper: THIGH, lower: SHANK, foot: FOOT}.get(j, above)
-        hip, knee, ankle = rest.T_world_joint[self._legs[i], :3, 3]
-        self._reach[i] = np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee)
+            above = self._legs.part[i, parent] if parent >= 0 else -1
+            self._legs.part[i, j] = {upper: THIGH, lower: SHANK, foot: FOOT}.get(j, above)
+        hip, knee, ankle = rest.T_world_joint[self._legs.joints[i], :3, 3]
+        self._legs.reach[i] = np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee)
         # Across the thigh, to the left: knees bend backwards about it.
-        self._hinge[i] = rest.rotation(upper).T @ rest.frames[f"{side}UpperLeg"][:, 1]
+        self._legs.hinge[i] = rest.rotation(upper).T @ rest.frames[f"{side}UpperLeg"][:, 1]
 
     def _measure_foot(
         self,
@@ -189,8 +190,8 @@ class Feet:
         ankle = source.bones[f"{side}Foot"]
         # From a foot's frame (forward, left, up as it stands flat) to its joint's.
         R_s = source.rotation(ankle).T @ source.frames[f"{side}Foot"]
-        R_t = rest.rotation(int(self._legs[i, 2])).T @ rest.frames[f"{side}Foot"]
-        self._ahead[i] = R_t[:, 0]
+        R_t = rest.rotation(int(self._legs.joints[i, 2])).T @ rest.frames[f"{side}Foot"]
+        self._legs.ahead[i] = R_t[:, 0]
         self._joint[i, 0] = ankle
         self._standing[i, 0] = ankle_height
         ball = source.bones.get(f"{side}Toes")
@@ -212,7 +213,7 @@ class Feet:
             self._target_offset[i, 1] = R_t @ flat * self._scale
             return
         foot = rest.marks.joint[f"{side}Foot"]
-        own = rest.rotation(int(self._legs[i, 2])).T @ (toes - foot)
+        own = rest.rotation(int(self._legs.joints[i, 2])).T @ (toes - foot)
         self._target_offset[i, 1] = own
         self._stretch[i] = (R_t.T @ own - self._scale * flat)[:2]
 

@@ -67,50 +67,44 @@ def touch(T_source, joint, offset, standing, dt, limits, last, touching):
 
 
 @kernel()
-def hold(
-    T, legs, part, hinge, reach, touching, dt, sole_joint, sole_offset, sole_start, last, grip, off
-):  # fmt: skip
+def hold(T, legs, soles, touching, dt, last, lock, off):
     """Hold the soles of feet that touch the ground; let the others go back to their ways.
 
     Args:
         T: Poses of all joints, changed in place, shape [n, 4, 4]; feet are `off` their ways.
-        legs: Upper leg, lower leg and foot of each leg, shape [f, 3].
-        part: What each joint moves with, for each leg, shape [f, n].
-        hinge: Axis of each knee in the upper leg's frame, shape [f, 3].
-        reach: Length of each leg, thigh and shank [m], shape [f].
+        legs: `Legs`.
+        soles: `Soles`.
         touching: Whether ankle and ball touch the ground, 0 or 1, shape [f, 2].
         dt: Time since the last call [s]; below 0: there is no past.
-        sole_joint: Joint of each point of the soles, shape [p].
-        sole_offset: That point in the joint's frame [m], shape [p, 3].
-        sole_start: First point of each foot, and the end, shape [f + 1].
         last: Where the points were at the last call [m], changed in place, shape [p, 2].
-        grip: How much each foot is held, 0 to 1, changed in place, shape [f].
+        lock: How much each foot is held, 0 to 1, changed in place, shape [f].
         off: Way on the ground that each foot is off [m], changed in place, shape [f, 2].
 
     Returns:
         How many feet that touch the ground were let slip, for the leg does not reach or the way
         is too long.
     """
+    joints, reach = legs.joints, legs.reach
     slipped = 0
     goal, way, new, now = np.empty(3), np.zeros(2), np.zeros(2), np.zeros(2)
-    for i in range(legs.shape[0]):
-        first, end = sole_start[i], sole_start[i + 1]
+    for i in range(joints.shape[0]):
+        first, end = soles.start[i], soles.start[i + 1]
         if dt < 0.0:
-            grip[i] = off[i, 0] = off[i, 1] = 0.0
+            lock[i] = off[i, 0] = off[i, 1] = 0.0
         elif dt > 0.0:
             held = max(touching[i, 0], touching[i, 1])
             time = CLOSED if held > 0.0 else OPENED
-            grip[i] += (1.0 - np.exp(-dt / time)) * (held - grip[i])
+            lock[i] += (1.0 - np.exp(-dt / time)) * (held - lock[i])
             lowest = np.inf
             for k in range(first, end):
-                lowest = min(lowest, _height(T, sole_joint[k], sole_offset[k]))
-            holds = grip[i] * (1.0 - smooth_step(CLEAR[0] * reach[i], CLEAR[1] * reach[i], lowest))
+                lowest = min(lowest, _height(T, soles.joint[k], soles.offset[k]))
+            holds = lock[i] * (1.0 - smooth_step(CLEAR[0] * reach[i], CLEAR[1] * reach[i], lowest))
             total = 0.0
             way[:] = 0.0
             for k in range(first, end):
-                height = _height(T, sole_joint[k], sole_offset[k])
+                height = _height(T, soles.joint[k], soles.offset[k])
                 share = np.exp(-(height - lowest) / BEARING)
-                _ground_place(T, sole_joint[k], sole_offset[k], now)
+                _ground_place(T, soles.joint[k], soles.offset[k], now)
                 total += share
                 for c in range(2):
                     way[c] += share * (now[c] - last[k, c])
@@ -124,7 +118,7 @@ def hold(
             slips = length > most
             if slips:
                 new *= most / length
-            ankle, hip = T[legs[i, 2]], T[legs[i, 0]]
+            ankle, hip = T[joints[i, 2]], T[joints[i, 0]]
             before = np.sqrt(
                 (ankle[0, 3] - hip[0, 3]) ** 2
                 + (ankle[1, 3] - hip[1, 3]) ** 2
@@ -133,16 +127,16 @@ def hold(
             for c in range(2):
                 goal[c] = ankle[c, 3] + new[c] - off[i, c]
             goal[2] = ankle[2, 3]
-            reachable(T, legs[i], reach[i], before, goal)
-            bend_leg(T, legs[i], part[i], hinge[i], goal)
+            reachable(T, joints[i], reach[i], before, goal)
+            bend_leg(T, joints[i], legs.part[i], legs.hinge[i], goal)
             short = 0.0
             for c in range(2):  # what the leg does not reach
-                short += (T[legs[i, 2], c, 3] - goal[c]) ** 2
-                off[i, c] = new[c] + T[legs[i, 2], c, 3] - goal[c]
+                short += (T[joints[i, 2], c, 3] - goal[c]) ** 2
+                off[i, c] = new[c] + T[joints[i, 2], c, 3] - goal[c]
             if held > 0.0 and (slips or np.sqrt(short) > 0.001 * reach[i]):
                 slipped += 1
         for k in range(first, end):
-            _ground_place(T, sole_joint[k], sole_offset[k], last[k])
+            _ground_place(T, soles.joint[k], soles.offset[k], last[k])
     return slipped
 
 

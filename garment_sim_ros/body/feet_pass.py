@@ -3,8 +3,11 @@
 Every function works on `T_world_joint`, poses of all joints, shape [n, 4, 4].
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.leg_reach import FOOT, STRAIGHT, bend_leg, reachable, turn_about
 from garment_sim_ros.jit import kernel
 
@@ -184,10 +187,64 @@ def _point_foot(T, ankle, part, ahead, reach, weight, sole_joint, sole_offset):
             turn_about(T[j], turn, place, place)
 
 
+class Soles(NamedTuple):
+    """Points of the soles that may be the lowest of a foot.
+
+    Attributes:
+        joint: Joint of each point, shape [p].
+        offset: That point in the joint's frame [m], shape [p, 3].
+        start: First point of each foot, and the end, shape [f + 1].
+    """
+
+    joint: IntArray
+    offset: FloatArray
+    start: IntArray
+
+
+@kernel(inner=True)
+def _root_shift(T, joints, reach, weight, place, down):
+    """How far the root goes up for the feet that stand [m]; below 0: down.
+
+    Args:
+        T: Poses of all joints, shape [n, 4, 4].
+        joints: See `Legs`.
+        reach: See `Legs`.
+        weight: See `ground`.
+        place: See `ground`.
+        down: Height of each foot's lowest point [m], shape [f].
+    """
+    f = down.size
+    standing = 0.0
+    none = 1.0
+    for i in range(f):
+        standing += weight[i, 2] ** 2
+        none *= 1.0 - weight[i, 2]
+    shift = 0.0
+    if standing == 0.0:
+        return shift
+    for i in range(f):
+        shift -= (1.0 - none) * weight[i, 2] ** 2 / standing * down[i]
+    # Legs that would have to be longer than they are take the root down with them.
+    more = 0.0
+    most = 1e-9
+    for i in range(f):
+        hip, ankle = T[joints[i, 0]], T[joints[i, 2]]
+        x = ankle[0, 3] + place[i, 0] - hip[0, 3]
+        y = ankle[1, 3] + place[i, 1] - hip[1, 3]
+        z = hip[2, 3] + shift - (ankle[2, 3] - weight[i, 0] * down[i])
+        length = STRAIGHT * reach[i]
+        high = np.sqrt(max(length * length - x * x - y * y, 0.0))
+        hard = _HARD * reach[i]
+        excess = (z - high) / hard
+        wish = excess if excess > 30.0 else np.log1p(np.exp(excess))
+        more = max(more, weight[i, 2] ** 2 * hard * wish)
+        # Not far: rather a foot that points than a body that bobs.
+        most = max(most, _DIP * reach[i])
+    return shift - most * np.tanh(more / most)
+
+
 @kernel()
-def ground(
-    T, legs, part, hinge, ahead, reach, weight, place, sole_joint, sole_offset, sole_start
-):  # fmt: skip
+def ground(T, legs, soles, weight, place):
     """Put feet on the ground where they stand, and keep others out of it.
 
     The root goes the mean way of the feet that stand, and down where a leg does not reach; what
@@ -195,55 +252,24 @@ def ground(
 
     Args:
         T: Poses of all joints, changed in place, shape [n, 4, 4].
-        legs: Upper leg, lower leg and foot of each leg, shape [f, 3].
-        part: What each joint moves with, for each leg, shape [f, n].
-        hinge: Axis of each knee in the upper leg's frame, shape [f, 3].
-        ahead: Forward in each foot's frame, when it stands flat, shape [f, 3].
-        reach: Length of each leg, thigh and shank [m], shape [f].
+        legs: `Legs`.
+        soles: `Soles`.
         weight: How much each foot stands, is kept out of the ground, leads the root, and points,
             0 to 1, shape [f, 4].
         place: Way on the ground that each ankle is off where it shall be [m], shape [f, 2].
-        sole_joint: Joint of each point of the soles, shape [p].
-        sole_offset: That point in the joint's frame [m], shape [p, 3].
-        sole_start: First point of each foot, and the end, shape [f + 1].
     """
-    f = legs.shape[0]
+    joints, reach = legs.joints, legs.reach
+    f = joints.shape[0]
     down = np.zeros(f)
-    standing = 0.0
-    none = 1.0
-    most = 1e-9
     for i in range(f):
-        points = slice(sole_start[i], sole_start[i + 1])
-        down[i] = lowest(T, sole_joint[points], sole_offset[points])
-        standing += weight[i, 2] ** 2
-        none *= 1.0 - weight[i, 2]
-    if standing > 0.0:
-        shift = 0.0
-        for i in range(f):
-            shift -= (1.0 - none) * weight[i, 2] ** 2 / standing * down[i]
-        # Legs that would have to be longer than they are take the root down with them.
-        more = 0.0
-        for i in range(f):
-            hip, ankle = T[legs[i, 0]], T[legs[i, 2]]
-            x = ankle[0, 3] + place[i, 0] - hip[0, 3]
-            y = ankle[1, 3] + place[i, 1] - hip[1, 3]
-            z = hip[2, 3] + shift - (ankle[2, 3] - weight[i, 0] * down[i])
-            length = STRAIGHT * reach[i]
-            high = np.sqrt(max(length * length - x * x - y * y, 0.0))
-            hard = _HARD * reach[i]
-            excess = (z - high) / hard
-            wish = excess if excess > 30.0 else np.log1p(np.exp(excess))
-            more = max(more, weight[i, 2] ** 2 * hard * wish)
-        # Not far: rather a foot that points than a body that bobs.
-        for i in range(f):
-            most = max(most, _DIP * reach[i])
-        shift -= most * np.tanh(more / most)
-        for j in range(T.shape[0]):
-            T[j, 2, 3] += shift
-        for i in range(f):
-            down[i] += shift
+        points = slice(soles.start[i], soles.start[i + 1])
+        down[i] = lowest(T, soles.joint[points], soles.offset[points])
+    shift = _root_shift(T, joints, reach, weight, place, down)
+    for j in range(T.shape[0]):
+        T[j, 2, 3] += shift
     goal = np.empty(3)
     for i in range(f):
+        down[i] += shift
         up = -weight[i, 0] * down[i]
         if up < 0.0:  # a foot that rolls off is not pulled far: its knee would snap when let go
             most = reach[i] * (_PULL + weight[i, 2] ** 4)
@@ -251,20 +277,20 @@ def ground(
         left = down[i] + up
         if left < 0.0:
             up -= weight[i, 1] * left
-        ankle = T[legs[i, 2]]
+        ankle = T[joints[i, 2]]
         goal[0] = ankle[0, 3] + place[i, 0]
         goal[1] = ankle[1, 3] + place[i, 1]
         goal[2] = ankle[2, 3] + up
-        hip = T[legs[i, 0]]
+        hip = T[joints[i, 0]]
         before = np.sqrt(
             (ankle[0, 3] - hip[0, 3]) ** 2
             + (ankle[1, 3] - hip[1, 3]) ** 2
             + (ankle[2, 3] - hip[2, 3]) ** 2
         )
-        reachable(T, legs[i], reach[i], before, goal)
-        bend_leg(T, legs[i], part[i], hinge[i], goal)
-        points = slice(sole_start[i], sole_start[i + 1])
+        reachable(T, joints[i], reach[i], before, goal)
+        bend_leg(T, joints[i], legs.part[i], legs.hinge[i], goal)
+        points = slice(soles.start[i], soles.start[i + 1])
         _point_foot(
-            T, legs[i, 2], part[i], ahead[i], reach[i], weight[i, 3],
-            sole_joint[points], sole_offset[points],
+            T, joints[i, 2], legs.part[i], legs.ahead[i], reach[i], weight[i, 3],
+            soles.joint[points], soles.offset[points],
         )  # fmt: skip

@@ -1,7 +1,11 @@
 """Legs that reach for a place: one posed body, in place."""
 
-import numpy as np
+from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.jit import kernel
 
 THIGH = 0
@@ -20,6 +24,24 @@ _ROOM = 0.006
 """How much longer than it is anyway it may become, likewise."""
 _HINGE = 0.3
 """How much a knee's own axis counts against that of its bend, in products of the two lengths."""
+
+
+class Legs(NamedTuple):
+    """The legs of a body, f of them.
+
+    Attributes:
+        joints: Upper leg, lower leg and foot, shape [f, 3].
+        part: What each joint of the body moves with, shape [f, n].
+        hinge: Axis of each knee in the upper leg's frame, shape [f, 3].
+        ahead: Forward in each foot's frame, when it stands flat, shape [f, 3].
+        reach: Length of thigh and shank [m], shape [f].
+    """
+
+    joints: IntArray
+    part: NDArray[np.int8]
+    hinge: FloatArray
+    ahead: FloatArray
+    reach: FloatArray
 
 
 @kernel(inner=True)

@@ -3,8 +3,12 @@
 Every target joint has one of four rules for its rotation; positions follow from the rest offsets.
 """
 
-import numpy as np
+from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.geometry.transforms import quaternion_multiply, rotate, slerp
 from garment_sim_ros.jit import kernel
 
@@ -49,17 +53,12 @@ def _store(rotation, j, q):
         rotation[j, k] = q[k]
 
 
-@kernel()
-def turn_joints(
-    T_world_source, parent, rule, source, offset, above, below, above_rest, below_rest,
-    share, bone_axis, hips, rest_rotation, rotation,
-):  # fmt: skip
-    """World rotations of all target joints.
+class Turns(NamedTuple):
+    """How the target's joints get their rotations, n of them.
 
-    Args:
-        T_world_source: Poses of the source's joints, shape [m, 4, 4].
-        parent: Parent of each target joint, shape [n].
-        rule: Rule of each target joint, shape [n].
+    Attributes:
+        parent: Parent of each joint, shape [n].
+        rule: Rule of each joint, shape [n].
         source: Source joint of driven joints, shape [n].
         offset: Rotation from the source joint's frame to the target joint's, shape [n, 4].
         above: Driven target joint above, for `BLEND` and `TWIST`, shape [n].
@@ -68,34 +67,57 @@ def turn_joints(
         below_rest: Rest rotation of this joint in `below`, shape [n, 4].
         share: How far from `above` to `below`, 0 to 1, shape [n].
         bone_axis: Direction of this joint's bone in its own frame, for `TWIST`, shape [n, 3].
-        hips: Index of the target's hips.
         rest_rotation: Rest rotation in the parent, in the hips for joints without one, [n, 4].
+    """
+
+    parent: IntArray
+    rule: NDArray[np.int8]
+    source: IntArray
+    offset: FloatArray
+    above: IntArray
+    below: IntArray
+    above_rest: FloatArray
+    below_rest: FloatArray
+    share: FloatArray
+    bone_axis: FloatArray
+    rest_rotation: FloatArray
+
+
+@kernel()
+def turn_joints(T_world_source, turns, hips, rotation):
+    """World rotations of all target joints.
+
+    Args:
+        T_world_source: Poses of the source's joints, shape [m, 4, 4].
+        turns: `Turns`.
+        hips: Index of the target's hips.
         rotation: Output world rotations, shape [n, 4].
     """
+    parent, rule = turns.parent, turns.rule
     n = parent.shape[0]
     for j in range(n):
         if rule[j] == DRIVEN:
-            x, y, z, w = _quaternion(T_world_source[source[j]])
-            c = offset[j]
+            x, y, z, w = _quaternion(T_world_source[turns.source[j]])
+            c = turns.offset[j]
             _store(rotation, j, quaternion_multiply(x, y, z, w, c[0], c[1], c[2], c[3]))
     for j in range(n):
         if rule[j] == FOLLOW:
             carrier = parent[j] if parent[j] >= 0 else hips
-            _store(rotation, j, _times(rotation[carrier], rest_rotation[j]))
+            _store(rotation, j, _times(rotation[carrier], turns.rest_rotation[j]))
             continue
         if rule[j] == DRIVEN:
             continue
-        ax, ay, az, aw = _times(rotation[above[j]], above_rest[j])
-        bx, by, bz, bw = _times(rotation[below[j]], below_rest[j])
+        ax, ay, az, aw = _times(rotation[turns.above[j]], turns.above_rest[j])
+        bx, by, bz, bw = _times(rotation[turns.below[j]], turns.below_rest[j])
         if rule[j] == BLEND:
-            _store(rotation, j, slerp(ax, ay, az, aw, bx, by, bz, bw, share[j]))
+            _store(rotation, j, slerp(ax, ay, az, aw, bx, by, bz, bw, turns.share[j]))
             continue
         dx, dy, dz, dw = quaternion_multiply(-ax, -ay, -az, aw, bx, by, bz, bw)
-        u = bone_axis[j]
+        u = turns.bone_axis[j]
         along = dx * u[0] + dy * u[1] + dz * u[2]
         if dw < 0.0:
             along, dw = -along, -dw
-        half = share[j] * np.arctan2(along, dw)
+        half = turns.share[j] * np.arctan2(along, dw)
         s = np.sin(half)
         turned = quaternion_multiply(ax, ay, az, aw, s * u[0], s * u[1], s * u[2], np.cos(half))
         _store(rotation, j, turned)
@@ -137,10 +159,24 @@ def _lift(T_world_source, T_world_target, joints, offset, height, reach, scale):
     return softness * (largest + np.log(raised / total))
 
 
+class Contacts(NamedTuple):
+    """Points that may touch the ground, c of them, on source and target.
+
+    Attributes:
+        joints: Source and target joint of each point, shape [c, 2].
+        offset: That point in the joints' frames [m], shape [c, 2, 3].
+        height: Its height when it touches the ground [m], shape [c, 2].
+    """
+
+    joints: IntArray
+    offset: FloatArray
+    height: FloatArray
+
+
 @kernel()
 def place_joints(
     T_world_source, travel_joints, scale, middle_in_hips, parent, hips, rest_position, rotation,
-    contact_joints, contact_offset, contact_height, reach, out,
+    contacts, reach, out,
 ):  # fmt: skip
     """World poses of all target joints from their rotations.
 
@@ -156,9 +192,7 @@ def place_joints(
         hips: Index of the target's hips.
         rest_position: Rest position in the parent, in the hips for joints without one [m], [n, 3].
         rotation: World rotations, shape [n, 4].
-        contact_joints: Source and target joint of each point that may touch the ground, [c, 2].
-        contact_offset: That point in the joints' frames [m], shape [c, 2, 3].
-        contact_height: Its height when it touches the ground [m], shape [c, 2].
+        contacts: `Contacts`.
         reach: Height above the lowest point within which others count too [m of the source].
         out: Output poses, shape [n, 4, 4]; their last rows are not touched.
     """
@@ -190,6 +224,8 @@ def place_joints(
         T[2, 0] = 2.0 * (x * z - y * w)
         T[2, 1] = 2.0 * (y * z + x * w)
         T[2, 2] = 1.0 - 2.0 * (x * x + y * y)
-    lift = _lift(T_world_source, out, contact_joints, contact_offset, contact_height, reach, scale)
+    lift = _lift(
+        T_world_source, out, contacts.joints, contacts.offset, contacts.height, reach, scale
+    )
     for j in range(parent.shape[0]):
         out[j, 2, 3] += lift

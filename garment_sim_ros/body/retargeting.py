@@ -40,6 +40,8 @@ from garment_sim_ros.body.retarget_pass import (
     DRIVEN,
     FOLLOW,
     TWIST,
+    Contacts,
+    Turns,
     place_joints,
     turn_joints,
 )
@@ -114,12 +116,19 @@ class Retargeter:
         roots = rig.parent < 0  # these move with the hips
         T_local[roots] = invert_transform(rest.T_world_joint[self._hips]) @ T_local[roots]
         self._rest_position = np.ascontiguousarray(T_local[:, :3, 3])
-        self._rest_rotation = quaternion_from_matrix(T_local[:, :3, :3])
-        self._rule = np.full(n, FOLLOW, np.int8)
-        self._source, self._above, self._below = np.zeros((3, n), np.int32)
-        self._offset, self._above_rest, self._below_rest = np.zeros((3, n, 4))
-        self._share = np.zeros(n)
-        self._bone_axis = np.zeros((n, 3))
+        self._turns = Turns(
+            parent=rig.parent,
+            rule=np.full(n, FOLLOW, np.int8),
+            source=np.zeros(n, np.int32),
+            offset=np.zeros((n, 4)),
+            above=np.zeros(n, np.int32),
+            below=np.zeros(n, np.int32),
+            above_rest=np.zeros((n, 4)),
+            below_rest=np.zeros((n, 4)),
+            share=np.zeros(n),
+            bone_axis=np.zeros((n, 3)),
+            rest_rotation=quaternion_from_matrix(T_local[:, :3, :3]),
+        )
         self._rotation = np.zeros((n, 4))
         self._T_world_joint = np.tile(np.eye(4), (n, 1, 1))
 
@@ -174,15 +183,11 @@ class Retargeter:
             `T_world_joint`, shape [n, 4, 4], overwritten by the next call.
         """
         T_source = self._kinematics.from_dofs(q, self._T_world_source)
-        turn_joints(
-            T_source, self._parent, self._rule, self._source, self._offset, self._above,
-            self._below, self._above_rest, self._below_rest, self._share, self._bone_axis,
-            self._hips, self._rest_rotation, self._rotation,
-        )  # fmt: skip
+        turn_joints(T_source, self._turns, self._hips, self._rotation)
         place_joints(
             T_source, self._travel_joints, self.scale, self._middle_in_hips, self._parent,
-            self._hips, self._rest_position, self._rotation, self._contact_joints,
-            self._contact_offset, self._contact_height, self._reach, self._T_world_joint,
+            self._hips, self._rest_position, self._rotation, self._contacts, self._reach,
+            self._T_world_joint,
         )  # fmt: skip
         if time is not None and ground_feet:
             self.feet.ground(T_source, self._T_world_joint, time)
@@ -209,9 +214,9 @@ class Retargeter:
             else:  # a bone whose direction one of the two does not show
                 F_s, F_t = source.frames["hips"], rest.frames["hips"]
             offset = source.rotation(s).T @ F_s @ F_t.T @ rest.rotation(t)
-            self._rule[t] = DRIVEN
-            self._source[t] = s
-            self._offset[t] = quaternion_from_matrix(offset)
+            self._turns.rule[t] = DRIVEN
+            self._turns.source[t] = s
+            self._turns.offset[t] = quaternion_from_matrix(offset)
 
     def _share_between(self, pairs: list[tuple[str, str]], rest: Skeleton) -> None:
         """Rules of target joints between two driven ones: spine, neck and forearm share."""
@@ -232,13 +237,13 @@ class Retargeter:
                 continue
             for i, j in enumerate(between):
                 R = rest.rotation(j)
-                self._rule[j] = rule
-                self._above[j], self._below[j] = a, b
-                self._above_rest[j] = quaternion_from_matrix(rest.rotation(a).T @ R)
-                self._below_rest[j] = quaternion_from_matrix(rest.rotation(b).T @ R)
-                self._share[j] = (i + 1) / (len(between) + 1)
+                self._turns.rule[j] = rule
+                self._turns.above[j], self._turns.below[j] = a, b
+                self._turns.above_rest[j] = quaternion_from_matrix(rest.rotation(a).T @ R)
+                self._turns.below_rest[j] = quaternion_from_matrix(rest.rotation(b).T @ R)
+                self._turns.share[j] = (i + 1) / (len(between) + 1)
                 along = unit(rest.T_world_joint[b, :3, 3] - rest.T_world_joint[j, :3, 3])
-                self._bone_axis[j] = 0.0 if along is None else R.T @ along
+                self._turns.bone_axis[j] = 0.0 if along is None else R.T @ along
 
     def _measure_travel(
         self, source: Skeleton, rest: Skeleton, target: Body, reference: SourceReference
@@ -281,9 +286,11 @@ class Retargeter:
                 joints.append((end_s[0], end_t[0]))
                 offsets.append(np.stack([end_s[1], end_t[1]]))
                 heights.append((0.0, 0.0))
-        self._contact_joints = np.array(joints, np.int32).reshape(-1, 2)
-        self._contact_offset = np.array(offsets).reshape(-1, 2, 3)
-        self._contact_height = np.array(heights).reshape(-1, 2)
+        self._contacts = Contacts(
+            joints=np.array(joints, np.int32).reshape(-1, 2),
+            offset=np.array(offsets, np.float64).reshape(-1, 2, 3),
+            height=np.array(heights, np.float64).reshape(-1, 2),
+        )
         return source_height
 
 

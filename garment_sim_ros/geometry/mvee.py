@@ -105,23 +105,13 @@ def room_to_enclose(n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     return *room_for_points(n), np.empty((4, 3, 3))
 
 
-@kernel(forceinline=True)
-def enclose(points, count, tolerance, min_radius, guess, scratch, found):
-    """See `mvee`; allocates nothing.
+@kernel(inner=True)
+def _into_axes(points, count, min_radius, table, S, axes, centre, radii):
+    """Centre, principal axes and scaled coordinates of points, into what is passed.
 
-    Args:
-        points: Positions [m], finite, shape [at least count, 3].
-        count: How many there are, at least 1.
-        tolerance: See `mvee`.
-        min_radius: See `mvee`.
-        guess: Weights of the points in an ellipsoid near this one, or zeros; those of this one
-            afterwards. Shape [count], or empty.
-        scratch: Of `room_to_enclose`.
-        found: Output: centre, three rows of the matrix of axes, and radii [m], shape [5, 3].
+    Returns:
+        How many axes the points are spread along, and the least radius [m].
     """
-    table, weights_scratch, matrices = scratch
-    S, axes, inner, middle = matrices[0], matrices[1], matrices[2], matrices[3, 0]
-    centre, radii = found[0], found[4]
     for r in range(3):
         centre[r] = 0.0
         for p in range(count):
@@ -148,6 +138,44 @@ def enclose(points, count, tolerance, min_radius, guess, scratch, found):
         for p in range(count):
             table[k, p] = table[k, p] / scale if k < rank else 0.0
         radii[k] = scale if k < rank else 10.0 * radii[k]
+    return rank, floor
+
+
+@kernel(inner=True)
+def _hold_points(points, count, centre, R, radii):
+    """Makes radii [m] as large as it takes to hold the points, also after rounding."""
+    needed = 0.0
+    for p in range(count):
+        zeta = 0.0
+        for k in range(3):
+            x = 0.0
+            for r in range(3):
+                x += R[r, k] * (points[p, r] - centre[r])
+            zeta += (x / radii[k]) ** 2
+        needed = max(needed, zeta)
+    if needed > 1.0 - 1e-12:
+        for k in range(3):
+            radii[k] *= np.sqrt(needed) * (1.0 + 1e-12)
+
+
+@kernel(forceinline=True)
+def enclose(points, count, tolerance, min_radius, guess, scratch, found):
+    """See `mvee`; allocates nothing.
+
+    Args:
+        points: Positions [m], finite, shape [at least count, 3].
+        count: How many there are, at least 1.
+        tolerance: See `mvee`.
+        min_radius: See `mvee`.
+        guess: Weights of the points in an ellipsoid near this one, or zeros; those of this one
+            afterwards. Shape [count], or empty.
+        scratch: Of `room_to_enclose`.
+        found: Output: centre, three rows of the matrix of axes, and radii [m], shape [5, 3].
+    """
+    table, weights_scratch, matrices = scratch
+    S, axes, inner, middle = matrices[0], matrices[1], matrices[2], matrices[3, 0]
+    centre, radii = found[0], found[4]
+    rank, floor = _into_axes(points, count, min_radius, table, S, axes, centre, radii)
     if rank > 0:
         keep = guess.size > 0
         for p in range(guess.size):
@@ -175,19 +203,7 @@ def enclose(points, count, tolerance, min_radius, guess, scratch, found):
     R[2, 2] = R[0, 0] * R[1, 1] - R[1, 0] * R[0, 1]
     for k in range(3):
         radii[k] = max(np.sqrt(max(S[k, k], 0.0)), floor)
-    # What is asked for: it holds the points, also after rounding.
-    needed = 0.0
-    for p in range(count):
-        zeta = 0.0
-        for k in range(3):
-            x = 0.0
-            for r in range(3):
-                x += R[r, k] * (points[p, r] - centre[r])
-            zeta += (x / radii[k]) ** 2
-        needed = max(needed, zeta)
-    if needed > 1.0 - 1e-12:
-        for k in range(3):
-            radii[k] *= np.sqrt(needed) * (1.0 + 1e-12)
+    _hold_points(points, count, centre, R, radii)
 
 
 @kernel(inner=True)

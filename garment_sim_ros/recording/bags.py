@@ -31,6 +31,9 @@ _TYPES = {
     "points": "sensor_msgs/msg/PointCloud2",
 }
 
+_Messages = Callable[[str], Iterator[tuple[str, int, Any]]]
+"""All messages on topics with an ending: topic, time of arrival [ns] and message of each."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class GarmentTrack:
@@ -149,6 +152,23 @@ def _read(reader: Bag, path: str | Path, most_frames: int) -> Recording:
     )
     if len(joint_stamp) == 0:
         raise InputFileError(path, "holds no usable joint_states", "needed: finite positions")
+    quality = _quality(messages)
+    joints_known = int(joint_stamp.min()), int(joint_stamp.max())
+    stamp, garments = _garments(messages, path, joints_known, most_frames)
+    return Recording(
+        robot_description=description,
+        joint_names=names,
+        joint_stamp=joint_stamp,
+        joint_values=joint_values,
+        stamp=stamp,
+        garments=garments,
+        quality=quality,
+        colliders=_colliders(messages),
+    )
+
+
+def _quality(messages: _Messages) -> dict[str, dict[str, FloatArray]]:
+    """Values over time of each key of each status."""
     quality: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for _, _, message in messages("quality"):
         for status in message.status:
@@ -156,7 +176,16 @@ def _read(reader: Bag, path: str | Path, most_frames: int) -> Recording:
                 with suppress(ValueError):  # a word, such as the name of a solver
                     number = float(item.value)
                     quality[status.name][item.key].append(number)
+    return {
+        name: {key: np.array(values) for key, values in keys.items()}
+        for name, keys in quality.items()
+    }
 
+
+def _garments(
+    messages: _Messages, path: str | Path, joints_known: tuple[int, int], most_frames: int
+) -> tuple[NDArray[np.int64], dict[str, GarmentTrack]]:
+    """Times of the frames that are kept [ns], and the garments."""
     shapes = {
         _garment_of(topic): _mesh(path, topic, message)
         for topic, _, message in messages("topology")
@@ -174,7 +203,7 @@ def _read(reader: Bag, path: str | Path, most_frames: int) -> Recording:
         finite[name] = finite[name] and bool(np.isfinite(x).all())
 
     # Before the first pose and after the last one it is not known where the body was.
-    first, last = joint_stamp.min(), joint_stamp.max()
+    first, last = joints_known
     common = sorted(t for t in set.intersection(*stamps.values()) if first <= t <= last)
     # A second pass rather than holding all positions: a long recording has too many.
     kept = common[:: max(1, -(-len(common) // most_frames))]
@@ -187,31 +216,19 @@ def _read(reader: Bag, path: str | Path, most_frames: int) -> Recording:
         if (k := place.get(_nanoseconds(message))) is not None:
             name = _garment_of(topic)
             positions[name][k] = _points(path, topic, message, len(shapes[name][0]))
-    return Recording(
-        robot_description=description,
-        joint_names=names,
-        joint_stamp=joint_stamp,
-        joint_values=joint_values,
-        stamp=np.array(kept, np.int64),
-        garments={
-            name: GarmentTrack(
-                vertices=vertices,
-                triangles=triangles,
-                arrival=np.array(arrivals[name], np.int64),
-                finite=finite[name],
-                positions=positions[name],
-            )
-            for name, (vertices, triangles) in shapes.items()
-        },
-        quality={
-            name: {key: np.array(values) for key, values in keys.items()}
-            for name, keys in quality.items()
-        },
-        colliders=_colliders(messages),
-    )
+    return np.array(kept, np.int64), {
+        name: GarmentTrack(
+            vertices=vertices,
+            triangles=triangles,
+            arrival=np.array(arrivals[name], np.int64),
+            finite=finite[name],
+            positions=positions[name],
+        )
+        for name, (vertices, triangles) in shapes.items()
+    }
 
 
-def _colliders(messages: Callable[[str], Iterator[tuple[str, int, Any]]]) -> ColliderTrack | None:
+def _colliders(messages: _Messages) -> ColliderTrack | None:
     try:
         text = [message.data for _, _, message in messages("collider_description")][-1]
         colliders = from_json(text)

@@ -95,22 +95,22 @@ def touch(T_source, joint, offset, standing, dt, limits, last, touching):
 
 
 def hold(
-    T, legs, part, hinge, reach, touching, dt, sole_joint, sole_offset, sole_start, last, grip, off
+    T, legs, part, hinge, reach, touching, dt, sole_joint, sole_offset, sole_start, last, lock, off
 ):
-    """See `feet_lock.hold`; returns the new poses, places, grips, ways off, and count."""
-    T, last, grip, off = T.copy(), last.copy(), grip.copy(), off.copy()
+    """See `feet_lock.hold`; returns the new poses, places, locks, ways off, and count."""
+    T, last, lock, off = T.copy(), last.copy(), lock.copy(), off.copy()
     slipped = 0
     for i, leg in enumerate(legs):
         points = range(sole_start[i], sole_start[i + 1])
         if dt < 0.0:
-            grip[i], off[i] = 0.0, 0.0
+            lock[i], off[i] = 0.0, 0.0
         elif dt > 0.0:
             held = touching[i].max()
             kept = np.exp(-dt / (0.015 if held else 0.05))
-            grip[i] = kept * grip[i] + (1.0 - kept) * held
+            lock[i] = kept * lock[i] + (1.0 - kept) * held
             now = np.array([point(T[sole_joint[k]], sole_offset[k]) for k in points])
             lowest = now[:, 2].min()
-            holds = grip[i] * (1.0 - step(0.01 * reach[i], 0.03 * reach[i], lowest))
+            holds = lock[i] * (1.0 - step(0.01 * reach[i], 0.03 * reach[i], lowest))
             share = np.exp(-(now[:, 2] - lowest) / 0.004)
             way = share @ (now[:, :2] - last[points]) / share.sum()
             length = max(np.linalg.norm(off[i]), 1e-9)
@@ -128,7 +128,7 @@ def hold(
             slipped += bool(held and (slips or np.linalg.norm(missing) > 0.001 * reach[i]))
         for k in points:
             last[k] = point(T[sole_joint[k]], sole_offset[k])[:2]
-    return T, last, grip, off, slipped
+    return T, last, lock, off, slipped
 
 
 def watch(T_source, joint, offset, standing, dt, limits, before, faded):

@@ -20,6 +20,7 @@ from garment_sim_ros.colliders.hulls.hull_placement import (
     MAX_CUTS,
     QUADRIC,
     VOLUME,
+    Bounds,
     add_quadrics,
     fan_volume,
     place,
@@ -70,12 +71,16 @@ class Start:
         self.touching = np.full((3 * len(self.faces), 4), np.nan)
         self.planes = np.empty((3 * MAX_PATCH + MAX_CUTS, 4))
 
+    def bounds(self, objective):
+        """What limits the result."""
+        return Bounds(self.inner.vertices, self.limits, self.touching, objective)
+
     def place(self, patch, removed, objective):
         """Where the kernel puts a vertex for those removed, None if nowhere."""
         v = np.empty(3)
         found = place(
-            *(self.x, self.quadric(removed), self.faces, self.inner.vertices, self.limits),
-            *(patch.link, patch.outer, patch.edges, self.touching, objective),
+            *(self.x, self.quadric(removed), self.faces, self.bounds(objective)),
+            *(patch.link, patch.outer, patch.edges),
             *(self.x[removed].mean(axis=0), self.planes, v),
         )
         return v if found else None
@@ -322,8 +327,7 @@ def test_the_cheapest_goes_first(fewer, objective, seed):
     first_count = start.count
     _, deleted = _delete(
         *(start.x, start.count, start.quadrics, start.faces, start.neighbours),
-        *(start.inner.vertices, start.limits, start.touching, len(start.faces) - fewer),
-        *(objective, scratch, start.planes),
+        *(start.bounds(objective), len(start.faces) - fewer, scratch, start.planes),
     )
     assert deleted == (best < np.inf)
     if deleted:
@@ -356,7 +360,7 @@ def test_polishing(objective, seed):
     scratch = np.empty((3, MAX_PATCH), np.int32)
     _polish(
         *(found.x, found.count, found.quadrics, found.faces, found.neighbours),
-        *(found.inner.vertices, found.limits, found.touching, objective, scratch, found.planes),
+        *(found.bounds(objective), scratch, found.planes),
     )
     assert moved > 0
     np.testing.assert_allclose(found.x, start.x, atol=1e-6)

@@ -46,25 +46,27 @@ def _twin(retargeter, T_source):
     def rest(values, j):
         return Rotation.from_quat(values[j])
 
+    turns = r._turns
     for j in range(n):
-        if r._rule[j] == DRIVEN:
-            turned[j] = Rotation.from_matrix(T_source[r._source[j], :3, :3]) * rest(r._offset, j)
+        if turns.rule[j] == DRIVEN:
+            of_source = Rotation.from_matrix(T_source[turns.source[j], :3, :3])
+            turned[j] = of_source * rest(turns.offset, j)
     for j in range(n):
-        above, below = r._above[j], r._below[j]
-        if r._rule[j] == FOLLOW:
+        above, below = turns.above[j], turns.below[j]
+        if turns.rule[j] == FOLLOW:
             carrier = r._parent[j] if r._parent[j] >= 0 else r._hips
-            turned[j] = turned[carrier] * rest(r._rest_rotation, j)
-        elif r._rule[j] != DRIVEN:
-            a = turned[above] * rest(r._above_rest, j)
-            b = turned[below] * rest(r._below_rest, j)
-            if r._rule[j] == BLEND:
-                turned[j] = Slerp([0, 1], Rotation.concatenate([a, b]))(r._share[j])
+            turned[j] = turned[carrier] * rest(turns.rest_rotation, j)
+        elif turns.rule[j] != DRIVEN:
+            a = turned[above] * rest(turns.above_rest, j)
+            b = turned[below] * rest(turns.below_rest, j)
+            if turns.rule[j] == BLEND:
+                turned[j] = Slerp([0, 1], Rotation.concatenate([a, b]))(turns.share[j])
             else:
-                axis = r._bone_axis[j]
+                axis = turns.bone_axis[j]
                 x, y, z, w = (a.inv() * b).as_quat()
                 angle = 2.0 * np.arctan2(np.dot([x, y, z], axis), w)
                 angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
-                turned[j] = a * Rotation.from_rotvec(r._share[j] * angle * axis)
+                turned[j] = a * Rotation.from_rotvec(turns.share[j] * angle * axis)
     T = np.tile(np.eye(4), (n, 1, 1))
     hips = T_source[r._travel_joints, :3, 3].mean(axis=0) * r.scale
     hips = hips - turned[r._hips].apply(r._middle_in_hips)
@@ -78,7 +80,7 @@ def _twin(retargeter, T_source):
         return (pose[:3, :3] @ offset + pose[:3, 3])[2]
 
     wanted, weight = [], []
-    for (s, t), offsets, heights in zip(r._contact_joints, r._contact_offset, r._contact_height):
+    for (s, t), offsets, heights in zip(*r._contacts):
         z = height(T_source[s], offsets[0]) - heights[0]
         weight.append(-z / r._reach)
         wanted.append(r.scale * z + heights[1] - height(T[t], offsets[1]))

@@ -13,8 +13,11 @@ So the best allowed place is the point of a small polyhedron nearest to the want
 exactly, or there is none.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.geometry.nearest_in_polyhedron import nearest_in_polyhedron
 from garment_sim_ros.jit import exact_kernel
 
@@ -225,24 +228,35 @@ def _change_plane(n, metric, centre, out):
     out[0], out[1], out[2], out[3] = m0 * scale, m1 * scale, m2 * scale, room * scale
 
 
+class Bounds(NamedTuple):
+    """What hulls that are made must contain and keep within.
+
+    Attributes:
+        inner: Vertices of the hull to contain, shape [p, 3].
+        limits: Half-spaces that all vertices must lie in besides, shape [q, 4].
+        touching: For each edge of each face the half-space inside it that touches the inner hull,
+            NaN where not known yet, shape [3 f, 4].
+        objective: `QUADRIC` or `VOLUME`.
+    """
+
+    inner: FloatArray
+    limits: FloatArray
+    touching: FloatArray
+    objective: int
+
+
 @exact_kernel()
-def place(
-    x, quadric, faces, inner, limits, link, outer, edges, touching, objective, guess, planes, v
-):
+def place(x, quadric, faces, bounds, link, outer, edges, guess, planes, v):
     """Best allowed vertex over an outline.
 
     Args:
         x: Vertices, shape [n, 3].
         quadric: Sum of the quadrics of the vertices replaced, shape [10].
         faces: Triangles, shape [f, 3].
-        inner: Vertices of the hull to contain, shape [p, 3].
-        limits: Half-spaces that the vertex must lie in besides, shape [q, 4].
+        bounds: `Bounds`, of which `touching` is filled.
         link: Outline, see `gather_link`.
         outer: What is outside it.
         edges: Its length.
-        touching: For each edge of each face the half-space inside it that touches the inner hull,
-            NaN where not known yet, shape [3 f, 4].
-        objective: `QUADRIC` or `VOLUME`.
         guess: A point near the patch, shape [3].
         planes: Scratch, shape [3 MAX_PATCH + MAX_CUTS, 4].
         v: Output, shape [3].
@@ -250,12 +264,13 @@ def place(
     Returns:
         False if there is none.
     """
-    count = _fill_conditions(x, faces, inner, link, outer, edges, touching, planes)
+    limits = bounds.limits
+    count = _fill_conditions(x, faces, bounds.inner, link, outer, edges, bounds.touching, planes)
     if count < 0:
         return False
     metric = np.empty(6)
     centre = np.empty(3)
-    if objective == QUADRIC:
+    if bounds.objective == QUADRIC:
         _quadric_metric(quadric, guess, metric, centre)
     elif not _volume_metric(x, link, edges, guess, metric, centre):
         return False

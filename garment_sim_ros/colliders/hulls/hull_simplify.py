@@ -21,6 +21,7 @@ from garment_sim_ros.colliders.hulls.hull_placement import (
     MAX_CUTS,
     QUADRIC,
     VOLUME,
+    Bounds,
     add_quadrics,
     fan_volume,
     place,
@@ -90,10 +91,13 @@ def _attempt(start: Hull, inner: Hull, how: Simplification, objective: int) -> H
         quadrics,
         faces,
         face_neighbours(faces),
-        np.ascontiguousarray((inner.vertices - centre) / size),
-        limits,
+        Bounds(
+            inner=np.ascontiguousarray((inner.vertices - centre) / size),
+            limits=limits,
+            touching=np.full((3 * len(faces), 4), np.nan),
+            objective=objective,
+        ),
         how.max_faces,
-        objective,
         how.rounds,
     )
     used = np.unique(faces[faces[:, 0] >= 0])
@@ -112,21 +116,7 @@ def _removed_quadric(quadrics, removed):
 
 
 @exact_kernel(inner=True)
-def _evaluate(
-    x,
-    quadrics,
-    faces,
-    neighbours,
-    inner,
-    limits,
-    touching,
-    objective,
-    seed,
-    removed,
-    scratch,
-    planes,
-    v,
-):
+def _evaluate(x, quadrics, faces, neighbours, bounds, seed, removed, scratch, planes, v):
     """Cost of replacing the vertices `removed` by the best one, which goes into v.
 
     Returns:
@@ -143,11 +133,9 @@ def _evaluate(
     guess = np.zeros(3)
     for k in range(3):
         guess += x[removed[k]] / 3.0
-    if not place(
-        x, quadric, faces, inner, limits, link, outer, edges, touching, objective, guess, planes, v
-    ):
+    if not place(x, quadric, faces, bounds, link, outer, edges, guess, planes, v):
         return np.inf, 0, 0
-    if objective == QUADRIC:
+    if bounds.objective == QUADRIC:
         return quadric_error(quadric, v), count, edges
     before = 0.0
     for k in range(count):
@@ -168,21 +156,45 @@ def _candidate(faces, f, i, removed):
     removed[2] = faces[f, (i + 2) % 3] if i == 3 else removed[0]
 
 
-@exact_kernel()
-def _delete(
-    x,
-    count,
-    quadrics,
-    faces,
-    neighbours,
-    inner,
-    limits,
-    touching,
-    max_faces,
-    objective,
-    scratch,
-    planes,
+@exact_kernel(inner=True)
+def _renew_costs(
+    x, quadrics, faces, neighbours, bounds, most, with_edges, touched, costs, scratch, planes
 ):
+    """Costs of the candidates at touched vertices that take away `most` triangles at most."""
+    removed = np.empty(3, dtype=np.int32)
+    v = np.empty(3)
+    for f in range(faces.shape[0]):
+        if faces[f, 0] < 0:
+            continue
+        if not (touched[faces[f, 0]] or touched[faces[f, 1]] or touched[faces[f, 2]]):
+            continue
+        for i in range(4):
+            costs[f, i] = np.inf
+            if i < 3 and (neighbours[f, i] < f or not with_edges):
+                continue
+            if (2 if i < 3 else 4) > most:
+                continue
+            _candidate(faces, f, i, removed)
+            cost, _, _ = _evaluate(
+                x, quadrics, faces, neighbours, bounds, f, removed, scratch, planes, v
+            )
+            costs[f, i] = cost if i < 3 else 0.5 * cost
+
+
+@exact_kernel(inner=True)
+def _cheapest(costs):
+    """The least cost, and the triangle and number of its candidate."""
+    best = np.inf
+    best_f = best_i = 0
+    for f in range(costs.shape[0]):
+        for i in range(4):
+            if costs[f, i] < best:
+                best, best_f, best_i = costs[f, i], f, i
+    return best, best_f, best_i
+
+
+@exact_kernel()
+def _delete(x, count, quadrics, faces, neighbours, bounds, max_faces, scratch, planes):
     """Delete the cheapest edge or triangle until none is left to delete.
 
     Costs are kept per candidate and renewed around each deletion; the cheapest is evaluated once
@@ -191,11 +203,10 @@ def _delete(
     Returns:
         The number of vertices ever made, and whether anything was deleted.
     """
-    face_count = faces.shape[0]
     alive = 0
-    for f in range(face_count):
+    for f in range(faces.shape[0]):
         alive += faces[f, 0] >= 0
-    costs = np.full((face_count, 4), np.inf)
+    costs = np.full((faces.shape[0], 4), np.inf)
     touched = np.ones(x.shape[0], dtype=np.bool_)
     removed = np.empty(3, dtype=np.int32)
     v = np.empty(3)
@@ -205,49 +216,30 @@ def _delete(
         if not with_edges and alive <= _TRIANGLES_ONLY * max_faces:
             with_edges = True
             touched[:] = True
-        for f in range(face_count):
-            if faces[f, 0] < 0:
-                continue
-            if not (touched[faces[f, 0]] or touched[faces[f, 1]] or touched[faces[f, 2]]):
-                continue
-            for i in range(4):
-                costs[f, i] = np.inf
-                if i < 3 and (neighbours[f, i] < f or not with_edges):
-                    continue
-                if alive - (2 if i < 3 else 4) < max_faces:
-                    continue
-                _candidate(faces, f, i, removed)
-                cost, _, _ = _evaluate(
-                    x, quadrics, faces, neighbours, inner, limits, touching, objective, f, removed,
-                    scratch, planes, v,
-                )  # fmt: skip
-                costs[f, i] = cost if i < 3 else 0.5 * cost
+        _renew_costs(
+            x, quadrics, faces, neighbours, bounds, alive - max_faces, with_edges, touched, costs,
+            scratch, planes,
+        )  # fmt: skip
         touched[:] = False
         done = False
         while not done:
-            best = np.inf
-            best_f = best_i = 0
-            for f in range(face_count):
-                for i in range(4):
-                    if costs[f, i] < best:
-                        best, best_f, best_i = costs[f, i], f, i
+            best, f, i = _cheapest(costs)
             if best == np.inf:
                 if with_edges:
                     return count, any_done
                 with_edges = True
                 touched[:] = True
                 break
-            costs[best_f, best_i] = np.inf
-            if alive - (2 if best_i < 3 else 4) < max_faces:
+            costs[f, i] = np.inf
+            if alive - (2 if i < 3 else 4) < max_faces:
                 continue
-            _candidate(faces, best_f, best_i, removed)
+            _candidate(faces, f, i, removed)
             cost, patch_size, edges = _evaluate(
-                x, quadrics, faces, neighbours, inner, limits, touching, objective, best_f,
-                removed, scratch, planes, v,
-            )  # fmt: skip
-            share = 1.0 if best_i < 3 else 0.5
+                x, quadrics, faces, neighbours, bounds, f, removed, scratch, planes, v
+            )
+            share = 1.0 if i < 3 else 0.5
             if share * cost > best + 1e-3 * abs(best) + 1e-15:
-                costs[best_f, best_i] = share * cost
+                costs[f, i] = share * cost
                 continue
             x[count] = v
             quadrics[count] = _removed_quadric(quadrics, removed)
@@ -256,7 +248,7 @@ def _delete(
             )
             for k in range(edges, patch_size):
                 costs[scratch[0, k], :] = np.inf
-            _forget(touching, scratch[0], patch_size)
+            _forget(bounds.touching, scratch[0], patch_size)
             touched[count] = True
             count += 1
             alive -= patch_size - edges
@@ -273,9 +265,7 @@ def _forget(touching, patch, count):
 
 
 @exact_kernel()
-def _polish(
-    x, count, quadrics, faces, neighbours, inner, limits, touching, objective, scratch, planes
-):
+def _polish(x, count, quadrics, faces, neighbours, bounds, scratch, planes):
     """Move every vertex to its best allowed place, one after the other."""
     face_of = np.full(count, -1, dtype=np.int32)
     for f in range(faces.shape[0]):
@@ -288,31 +278,26 @@ def _polish(
         if face_of[vertex] < 0:
             continue
         removed[:] = vertex
-        before = quadric_error(quadrics[vertex], x[vertex]) if objective == QUADRIC else 0.0
+        before = quadric_error(quadrics[vertex], x[vertex]) if bounds.objective == QUADRIC else 0.0
         cost, patch_size, _ = _evaluate(
-            x, quadrics, faces, neighbours, inner, limits, touching, objective,
-            np.int64(face_of[vertex]), removed, scratch, planes, v,
+            x, quadrics, faces, neighbours, bounds, np.int64(face_of[vertex]), removed, scratch,
+            planes, v,
         )  # fmt: skip
         if cost < before:
             x[vertex] = v
-            _forget(touching, scratch[0], patch_size)
+            _forget(bounds.touching, scratch[0], patch_size)
 
 
 @exact_kernel()
-def _simplify(x, count, quadrics, faces, neighbours, inner, limits, max_faces, objective, rounds):
+def _simplify(x, count, quadrics, faces, neighbours, bounds, max_faces, rounds):
     """Delete and polish in turns: polishing makes room for more deletions."""
     scratch = np.empty((3, MAX_PATCH), dtype=np.int32)
     planes = np.empty((3 * MAX_PATCH + MAX_CUTS, 4))
-    touching = np.full((3 * faces.shape[0], 4), np.nan)
     for _ in range(rounds):
         count, deleted = _delete(
-            x, count, quadrics, faces, neighbours, inner, limits, touching, max_faces, objective,
-            scratch, planes,
-        )  # fmt: skip
+            x, count, quadrics, faces, neighbours, bounds, max_faces, scratch, planes
+        )
         for _ in range(3):
-            _polish(
-                x, count, quadrics, faces, neighbours, inner, limits, touching, objective,
-                scratch, planes,
-            )  # fmt: skip
+            _polish(x, count, quadrics, faces, neighbours, bounds, scratch, planes)
         if not deleted:
             break

@@ -140,66 +140,103 @@ def feature_points(
     share = np.mean([level[f"{side}_crotch"] for side in SIDES]) / H
     confidence["crotch"] = float(np.clip(1.0 - abs(share - 0.54) / 0.12, 0.0, 1.0))
 
-    linear = {k: (a * 1e3 * H + b) * 1e-3 for k, (a, b) in TABLE_1[sex].items()}
+    table: dict[str, float] = {}
+    if constants == "table1":
+        table = {k: (a * 1e3 * H + b) * 1e-3 for k, (a, b) in TABLE_1[sex].items()}
     neck, confidence["neck"] = _neck(surface, ends)
-    level["neck"] = linear["neck"] if constants == "table1" else neck
-    for side in SIDES:
-        elbow, knee = _ELBOW * H, _KNEE * level[f"{side}_crotch"]
-        if constants == "table1":
-            elbow = linear["elbow"]
-            if linear["knee"] < 0.95 * level[f"{side}_crotch"]:
-                knee = linear["knee"]
-            else:
-                notes.append(
-                    f"Table 1's {side} knee is {linear['knee']:.2f} m from the toes, above the"
-                    f" crotch; {_KNEE} of the way there was taken instead"
-                )
-        level[f"{side}_elbow"], level[f"{side}_knee"] = elbow, knee
+    level["neck"] = table.get("neck", neck)
+    _set_limbs(level, table, H, notes)
     for name, joint in (joints or {}).items():
-        end = _END_OF[name.split("_")[-1]]
-        end = end if end == "head" else f"{name.split('_')[0]}_{end}"
-        level[name] = _level_at(surface, ends.of(end), joint, level[name], H)
+        level[name] = _level_at(surface, ends.of(_end_of(name)), joint, level[name], H)
     if joints:
         notes.append("joints of the rig were used: " + ", ".join(sorted(joints)))
     for name in ("neck", *(f"{side}_{part}" for side in SIDES for part in ("elbow", "knee"))):
-        end = _END_OF[name.split("_")[-1]]
-        end = end if end == "head" else f"{name.split('_')[0]}_{end}"
-        point[name] = line(end, level[name]).centre()
+        point[name] = line(_end_of(name), level[name]).centre()
 
-    found = []
-    for side in SIDES:
-        at, arm_sure = _armpit_level(surface, ends, f"{side}_hand")
-        if constants == "table1":
-            vertex = _armpit_of_paper(surface, graph, ends, side, level, linear, crotch)
-            at = float(ends.of(f"{side}_hand")[vertex])
-            point[f"{side}_armpit"] = x[vertex]
-        else:
-            ring = line(f"{side}_hand", at).segments.reshape(-1, 3)
-            nearest = np.linalg.norm(ring - x[crotch], axis=1)
-            point[f"{side}_armpit"] = ring[lowest(nearest)] if len(ring) else np.full(3, np.nan)
-        level[f"{side}_armpit"] = max(at, 1.05 * level[f"{side}_elbow"])
-        found.append(arm_sure)
-    confidence["armpits"] = min(found)
-    if min(found) == 0.0:
+    confidence["armpits"] = min(
+        _set_armpit(surface, graph, ends, side, table, crotch, level, point) for side in SIDES
+    )
+    if confidence["armpits"] == 0.0:
         notes.append("no leap of girth at an armpit; taken at the usual share of the stature")
 
     low, high = float(point["crotch"] @ up), float(point["neck"] @ up)
     waist, chest = low + _WAIST * (high - low), low + _CHEST * (high - low)
-    if constants == "table1":
-        waist = _height_of(line("right_foot", linear["waist"]), up, low, high)
-        chest = _height_of(line("right_foot", linear["chest"]), up, waist, high)
-    across = point["left_armpit"] - point["right_armpit"]
-    across -= (across @ up) * up
-    width = float(np.linalg.norm(across))
-    normal = across / width if width > 0.02 * H else ends.axes[1]
-    middle = 0.5 * (point["left_armpit"] + point["right_armpit"])
-    offset = float(normal @ (middle if np.isfinite(middle).all() else point["crotch"]))
+    if table:
+        waist = _height_of(line("right_foot", table["waist"]), up, low, high)
+        chest = _height_of(line("right_foot", table["chest"]), up, waist, high)
     return FeaturePoints(
-        ends, level, point, waist, chest, (normal, offset), confidence, tuple(notes)
+        ends, level, point, waist, chest, _mid_plane(point, ends), confidence, tuple(notes)
     )
 
 
 _END_OF = {"neck": "head", "elbow": "hand", "knee": "foot"}
+
+
+def _end_of(name: str) -> str:
+    """The end that a feature's way is counted from."""
+    end = _END_OF[name.split("_")[-1]]
+    return end if end == "head" else f"{name.split('_')[0]}_{end}"
+
+
+def _set_limbs(
+    level: dict[str, float], table: Mapping[str, float], H: float, notes: list[str]
+) -> None:
+    """Ways to elbows and knees, by the stature alone or, where it is given, by Table 1.
+
+    Args:
+        level: Ways [m], changed in place; those to the crotch are in it.
+        table: Ways by Table 1 [m].
+        H: The stature [m].
+        notes: What was assumed, added to.
+    """
+    for side in SIDES:
+        level[f"{side}_elbow"] = table.get("elbow", _ELBOW * H)
+        knee = level[f"{side}_knee"] = _KNEE * level[f"{side}_crotch"]
+        of_table = table.get("knee", knee)
+        if of_table < 0.95 * level[f"{side}_crotch"]:
+            level[f"{side}_knee"] = of_table
+        else:
+            notes.append(
+                f"Table 1's {side} knee is {of_table:.2f} m from the toes, above the"
+                f" crotch; {_KNEE} of the way there was taken instead"
+            )
+
+
+def _set_armpit(
+    surface: BodySurface,
+    graph: MeshGraph,
+    ends: Extremities,
+    side: str,
+    table: Mapping[str, float],
+    crotch: int,
+    level: dict[str, float],
+    point: dict[str, FloatArray],
+) -> float:
+    """Sets one armpit's way and point, by Table 1 where it is given; how sure it is, 0 to 1."""
+    x = surface.vertices
+    hand = ends.of(f"{side}_hand")
+    at, sure = _armpit_level(surface, ends, f"{side}_hand")
+    if table:
+        vertex = _armpit_of_paper(surface, graph, ends, side, level, table, crotch)
+        at = float(hand[vertex])
+        point[f"{side}_armpit"] = x[vertex]
+    else:
+        ring = iso_line(x, surface.triangles, hand, at).segments.reshape(-1, 3)
+        nearest = np.linalg.norm(ring - x[crotch], axis=1)
+        point[f"{side}_armpit"] = ring[lowest(nearest)] if len(ring) else np.full(3, np.nan)
+    level[f"{side}_armpit"] = max(at, 1.05 * level[f"{side}_elbow"])
+    return sure
+
+
+def _mid_plane(point: Mapping[str, FloatArray], ends: Extremities) -> tuple[FloatArray, float]:
+    """The plane between the armpits: unit normal to the left, and offset."""
+    up = ends.axes[2]
+    across = point["left_armpit"] - point["right_armpit"]
+    across -= (across @ up) * up
+    width = float(np.linalg.norm(across))
+    normal = across / width if width > 0.02 * ends.height else ends.axes[1]
+    middle = 0.5 * (point["left_armpit"] + point["right_armpit"])
+    return normal, float(normal @ (middle if np.isfinite(middle).all() else point["crotch"]))
 
 
 def _crotch(surface: BodySurface, graph: MeshGraph, ends: Extremities, constants: str) -> int:
