@@ -86,9 +86,7 @@ def nearest_of_block(shapes, posed, k, block, lane, px, py, pz, reach):
 
 
 @lean_kernel(inner=True)
-def deepest_shape(
-    shapes, posed, near, least, count, moved, px, py, pz, reach, known, d, nx, ny, nz
-):
+def deepest_shape(shapes, posed, near, least, count, moved, point, reach, known, outside):
     """The one of some shapes that is nearest to a point, signed.
 
     Args:
@@ -98,30 +96,22 @@ def deepest_shape(
         least: Lower bounds of their distances where the point was before [m].
         count: Their number.
         moved: How far the point has come since [m].
-        px: Point [m].
-        py: See `px`.
-        pz: See `px`.
+        point: The point [m].
         reach: Distances above this need not be known [m].
         known: A shape whose distance is known; -1 for none.
-        d: That distance [m]; infinite for none.
-        nx: Unit direction out of that shape.
-        ny: See `nx`.
-        nz: See `nx`.
+        outside: That distance [m], infinite for none, and the unit direction out of the shape.
 
     Returns:
         Distance [m], unit direction out of the shape, and the shape's index; infinity and -1
         where no distance is at most `reach`.
     """
-    best = d
-    bx = nx
-    by = ny
-    bz = nz
+    best, bx, by, bz = outside
     found = known
     for c in range(count):
         k = np.int64(near[c])
         if least[c] - moved > min(best, reach) or k == known:
             continue
-        d, nx, ny, nz = shape_distance(shapes, posed, k, px, py, pz, reach)
+        d, nx, ny, nz = shape_distance(shapes, posed, k, point[0], point[1], point[2], reach)
         if d < best:
             best = d
             bx = nx

@@ -133,7 +133,6 @@ def deepest(nearby, found, moved, place, reach, known):
     n = known.normal
     d, nx, ny, nz, k = deepest_shape(
         *(nearby.shapes, nearby.posed, nearby.contacts.found, nearby.contacts.least, found, moved),
-        *(place[0], place[1], place[2], reach),
-        *(known.shape, known.distance, n[0], n[1], n[2]),
+        *(place, reach, known.shape, (known.distance, n[0], n[1], n[2])),
     )
     return Surface(d, (nx, ny, nz), k)

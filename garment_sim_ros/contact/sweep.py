@@ -95,35 +95,20 @@ def _enters(shapes, posed, k, qx, qy, qz, rx, ry, rz, length, inner, thickness):
     return np.float32(2.0), zero, zero, zero
 
 
-@lean_kernel(forceinline=True)
-def sweep(shapes, posed, side, way, x, x_start, x_coast, thickness):
-    """Stops particles where they entered a shape that they, or it, would pass through.
-
-    Args:
-        shapes: Packed shapes.
-        posed: The same, posed at the end, their `carry` from when the particles were at `x_start`.
-        side: See `Sides`; only shapes under a particle stop it.
-        way: See `Sweep`.
-        x: Proposed positions, corrected in place [m], shape [n, 3].
-        x_start: Where the particles came from [m], shape [n, 3].
-        x_coast: Where they would be if their neighbours did not pull at them [m], shape [n, 3].
-        thickness: Distance to keep from the surfaces [m].
-
-    Returns:
-        Number of particles stopped.
-    """
+@lean_kernel(inner=True)
+def _find_fast(posed, way, x_start, x_coast, thickness):
+    """Finds the shapes that particles may pass through, or that may pass them; their number."""
     zero = np.float32(0.0)
     half = np.float32(0.5)
-    shapes_count = posed.box.shape[0]
     squared = zero
-    for p in range(x.shape[0]):
+    for p in range(x_start.shape[0]):
         ux = x_coast[p, 0] - x_start[p, 0]
         uy = x_coast[p, 1] - x_start[p, 1]
         uz = x_coast[p, 2] - x_start[p, 2]
         squared = max(squared, ux * ux + uy * uy + uz * uz)
     fastest = np.sqrt(squared)
     count = 0
-    for k in range(shapes_count):
+    for k in range(posed.box.shape[0]):
         cx = half * (posed.box[k, 0] + posed.box[k, 3])
         cy = half * (posed.box[k, 1] + posed.box[k, 4])
         cz = half * (posed.box[k, 2] + posed.box[k, 5])
@@ -145,72 +130,112 @@ def sweep(shapes, posed, side, way, x, x_start, x_coast, thickness):
         way.spread[count] = turn
         inner = way.inscribed_radius[k] + thickness
         count += 1 if moved + fastest > np.float32(_SHORT) * inner else 0
+    return count
+
+
+@lean_kernel(inner=True)
+def _find_near(posed, way, x, x_start, x_coast, thickness, begin, end, count):
+    """Finds those of the fast shapes that are near a block of particles; their number.
+
+    Args:
+        posed: Shapes, posed at the end.
+        way: See `Sweep`; its first `count` shapes are fast, those near are put behind them.
+        x: See `sweep`.
+        x_start: See `sweep`.
+        x_coast: See `sweep`.
+        thickness: See `sweep`.
+        begin: First particle of the block.
+        end: One past its last.
+        count: Number of fast shapes.
+    """
+    half = np.float32(0.5)
+    first = posed.box.shape[0] + 1
+    ax = ay = az = lx = ly = lz = mx = my = mz = np.float32(np.inf)
+    bx = by = bz = hx = hy = hz = sx = sy = sz = np.float32(-np.inf)
+    for p in range(begin, end):
+        px, py, pz = x[p, 0], x[p, 1], x[p, 2]
+        qx, qy, qz = x_start[p, 0], x_start[p, 1], x_start[p, 2]
+        fx, fy, fz = x_coast[p, 0] - qx, x_coast[p, 1] - qy, x_coast[p, 2] - qz
+        ax, bx = min(ax, px), max(bx, px)
+        ay, by = min(ay, py), max(by, py)
+        az, bz = min(az, pz), max(bz, pz)
+        mx, sx = min(mx, qx), max(sx, qx)
+        my, sy = min(my, qy), max(sy, qy)
+        mz, sz = min(mz, qz), max(sz, qz)
+        lx, hx = min(lx, fx), max(hx, fx)
+        ly, hy = min(ly, fy), max(hy, fy)
+        lz, hz = min(lz, fz), max(hz, fz)
+    cx = half * (mx + sx)
+    cy = half * (my + sy)
+    cz = half * (mz + sz)
+    radius = np.sqrt((sx - cx) ** 2 + (sy - cy) ** 2 + (sz - cz) ** 2)
+    near = np.int64(0)  # typed: `_stop` would else be compiled for 0, too
+    for n in range(count):
+        k = way.fast[n]
+        slack = way.spread[n] * radius
+        wx = (
+            posed.carry[k, 0, 0] * cx
+            + posed.carry[k, 0, 1] * cy
+            + posed.carry[k, 0, 2] * cz
+            + posed.carry[k, 0, 3]
+        )
+        wy = (
+            posed.carry[k, 1, 0] * cx
+            + posed.carry[k, 1, 1] * cy
+            + posed.carry[k, 1, 2] * cz
+            + posed.carry[k, 1, 3]
+        )
+        wz = (
+            posed.carry[k, 2, 0] * cx
+            + posed.carry[k, 2, 1] * cy
+            + posed.carry[k, 2, 2] * cz
+            + posed.carry[k, 2, 3]
+        )
+        ux = max(hx - wx, wx - lx)
+        uy = max(hy - wy, wy - ly)
+        uz = max(hz - wz, wz - lz)
+        margin = thickness + slack
+        far = max(ux * ux + uy * uy + uz * uz, wx * wx + wy * wy + wz * wz)
+        here = (
+            (np.sqrt(far) + slack > np.float32(_SHORT) * (way.inscribed_radius[k] + thickness))
+            & (posed.box[k, 0] - margin <= max(bx, sx + wx))
+            & (posed.box[k, 3] + margin >= min(ax, mx + wx))
+            & (posed.box[k, 1] - margin <= max(by, sy + wy))
+            & (posed.box[k, 4] + margin >= min(ay, my + wy))
+            & (posed.box[k, 2] - margin <= max(bz, sz + wz))
+            & (posed.box[k, 5] + margin >= min(az, mz + wz))
+        )
+        way.fast[first + near] = k
+        near += 1 if here else 0
+    return near
+
+
+@lean_kernel(forceinline=True)
+def sweep(shapes, posed, side, way, x, x_start, x_coast, thickness):
+    """Stops particles where they entered a shape that they, or it, would pass through.
+
+    Args:
+        shapes: Packed shapes.
+        posed: The same, posed at the end, their `carry` from when the particles were at `x_start`.
+        side: See `Sides`; only shapes under a particle stop it.
+        way: See `Sweep`.
+        x: Proposed positions, corrected in place [m], shape [n, 3].
+        x_start: Where the particles came from [m], shape [n, 3].
+        x_coast: Where they would be if their neighbours did not pull at them [m], shape [n, 3].
+        thickness: Distance to keep from the surfaces [m].
+
+    Returns:
+        Number of particles stopped.
+    """
+    count = _find_fast(posed, way, x_start, x_coast, thickness)
     if count == 0:
         return 0
     stopped = 0
-    first = shapes_count + 1
+    first = posed.box.shape[0] + 1
     for begin in range(0, x.shape[0], BLOCK):
         end = min(begin + BLOCK, x.shape[0])
-        ax = ay = az = lx = ly = lz = mx = my = mz = np.float32(np.inf)
-        bx = by = bz = hx = hy = hz = sx = sy = sz = np.float32(-np.inf)
-        for p in range(begin, end):
-            px, py, pz = x[p, 0], x[p, 1], x[p, 2]
-            qx, qy, qz = x_start[p, 0], x_start[p, 1], x_start[p, 2]
-            fx, fy, fz = x_coast[p, 0] - qx, x_coast[p, 1] - qy, x_coast[p, 2] - qz
-            ax, bx = min(ax, px), max(bx, px)
-            ay, by = min(ay, py), max(by, py)
-            az, bz = min(az, pz), max(bz, pz)
-            mx, sx = min(mx, qx), max(sx, qx)
-            my, sy = min(my, qy), max(sy, qy)
-            mz, sz = min(mz, qz), max(sz, qz)
-            lx, hx = min(lx, fx), max(hx, fx)
-            ly, hy = min(ly, fy), max(hy, fy)
-            lz, hz = min(lz, fz), max(hz, fz)
-        cx = half * (mx + sx)
-        cy = half * (my + sy)
-        cz = half * (mz + sz)
-        radius = np.sqrt((sx - cx) ** 2 + (sy - cy) ** 2 + (sz - cz) ** 2)
-        near = np.int64(0)  # typed: `_stop` would else be compiled for 0, too
-        for n in range(count):
-            k = way.fast[n]
-            slack = way.spread[n] * radius
-            wx = (
-                posed.carry[k, 0, 0] * cx
-                + posed.carry[k, 0, 1] * cy
-                + posed.carry[k, 0, 2] * cz
-                + posed.carry[k, 0, 3]
-            )
-            wy = (
-                posed.carry[k, 1, 0] * cx
-                + posed.carry[k, 1, 1] * cy
-                + posed.carry[k, 1, 2] * cz
-                + posed.carry[k, 1, 3]
-            )
-            wz = (
-                posed.carry[k, 2, 0] * cx
-                + posed.carry[k, 2, 1] * cy
-                + posed.carry[k, 2, 2] * cz
-                + posed.carry[k, 2, 3]
-            )
-            ux = max(hx - wx, wx - lx)
-            uy = max(hy - wy, wy - ly)
-            uz = max(hz - wz, wz - lz)
-            margin = thickness + slack
-            far = max(ux * ux + uy * uy + uz * uz, wx * wx + wy * wy + wz * wz)
-            here = (
-                (np.sqrt(far) + slack > np.float32(_SHORT) * (way.inscribed_radius[k] + thickness))
-                & (posed.box[k, 0] - margin <= max(bx, sx + wx))
-                & (posed.box[k, 3] + margin >= min(ax, mx + wx))
-                & (posed.box[k, 1] - margin <= max(by, sy + wy))
-                & (posed.box[k, 4] + margin >= min(ay, my + wy))
-                & (posed.box[k, 2] - margin <= max(bz, sz + wz))
-                & (posed.box[k, 5] + margin >= min(az, mz + wz))
-            )
-            way.fast[first + near] = k
-            near += 1 if here else 0
-        if near == 0:
-            continue
-        for p in range(begin, end):
+        near = _find_near(posed, way, x, x_start, x_coast, thickness, begin, end, count)
+        for p in range(begin, end if near > 0 else begin):
             stopped += _stop(
                 shapes, posed, side, way, x, x_start, x_coast, thickness, first, near, p
             )

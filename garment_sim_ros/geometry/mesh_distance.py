@@ -6,6 +6,8 @@ from angle-weighted pseudo-normals (Baerentzen & Aanaes 2005, "Signed distance c
 the angle weighted pseudonormal"), which is exact at edges and vertices of a closed mesh.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -81,21 +83,17 @@ class MeshDistance:
         distance = np.empty(len(points))
         closest = np.empty((len(points), 3))
         triangle = np.empty(len(points), dtype=np.int32)
-        _signed_distance(
+        surface = _Surface(
             self._x,
             self._triangles,
             self._edge,
-            self._order,
             self._boxes,
             self._face_normal,
             self._edge_normal,
             self._vertex_normal,
-            self._depth,
-            points,
-            distance,
-            closest,
-            triangle,
         )
+        _signed_distance(surface, self._depth, points, distance, closest, triangle)
+        triangle[triangle >= 0] = self._order[triangle[triangle >= 0]]
         return distance, closest, triangle
 
     def is_inside(self, points: FloatArray) -> NDArray[np.bool_]:
@@ -277,23 +275,22 @@ def closest_point(x, triangle, px, py, pz):
     return (px - cx) ** 2 + (py - cy) ** 2 + (pz - cz) ** 2, cx, cy, cz, feature
 
 
+class _Surface(NamedTuple):
+    """A mesh with its hierarchy of boxes and its pseudo-normals, as `MeshDistance` keeps them."""
+
+    x: FloatArray
+    triangles: IntArray
+    edge: IntArray
+    boxes: FloatArray
+    face_normal: FloatArray
+    edge_normal: FloatArray
+    vertex_normal: FloatArray
+
+
 @exact_kernel()
-def _signed_distance(
-    x,
-    triangles,
-    edge,
-    order,
-    boxes,
-    face_normal,
-    edge_normal,
-    vertex_normal,
-    depth,
-    points,
-    distance,
-    closest,
-    triangle,
-):
+def _signed_distance(surface, depth, points, distance, closest, triangle):
     """Nearest triangle by depth-first search, nearer child first; see `MeshDistance`."""
+    x, triangles, boxes = surface.x, surface.triangles, surface.boxes
     n = triangles.shape[0]
     first_leaf = (1 << depth) - 1
     stack = np.empty(depth + 1, dtype=np.int32)
@@ -339,15 +336,15 @@ def _signed_distance(
                     best_distance2, best_x, best_y, best_z = d2, cx, cy, cz
                     best_feature = feature
                     best = t
-        normal = face_normal[best]
+        normal = surface.face_normal[best]
         if best_feature > 3:
-            normal = vertex_normal[triangles[best, best_feature - 4]]
+            normal = surface.vertex_normal[triangles[best, best_feature - 4]]
         elif best_feature > 0:
-            normal = edge_normal[edge[best, best_feature - 1]]
+            normal = surface.edge_normal[surface.edge[best, best_feature - 1]]
         side = (px - best_x) * normal[0] + (py - best_y) * normal[1] + (pz - best_z) * normal[2]
         length = np.sqrt(best_distance2)
         distance[i] = -length if side < 0.0 else length
         closest[i, 0] = best_x
         closest[i, 1] = best_y
         closest[i, 2] = best_z
-        triangle[i] = order[best]
+        triangle[i] = best

@@ -75,6 +75,65 @@ def _mirrored(x: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]
     return np.concatenate([half, twin]), np.concatenate([left, right]).astype(np.int32)
 
 
+@exact_kernel(inner=True)
+def _is_link(x, triangles, kept, first, following, mark, stamp, a, b):
+    """Whether exactly the opposite corners of an edge are common neighbours of its ends.
+
+    Edges between vertices of the middle plane have one such corner, others two.
+
+    Args:
+        x: Positions [m], shape [v, 3].
+        triangles: Shape [t, 3].
+        kept: Which triangles are left, shape [t].
+        first: First corner of each vertex, shape [v].
+        following: Next corner of the same vertex, -1 at the end, shape [3 t].
+        mark: Scratch, shape [v].
+        stamp: Larger by 2 than at the last call.
+        a: An end; in the middle plane if one of the two is.
+        b: The other end.
+    """
+    a_middle, b_middle = x[a, 1] == 0.0, x[b, 1] == 0.0
+    corner = first[a]
+    while corner >= 0:
+        f = corner // 3
+        if kept[f]:
+            for m in range(3):
+                mark[triangles[f, m]] = stamp
+        corner = following[corner]
+    common = 0
+    shared = 0
+    crossing = False  # an edge between vertices of the middle plane that leaves it
+    corner = first[b]
+    while corner >= 0:
+        f = corner // 3
+        if kept[f]:
+            for m in range(3):
+                w = triangles[f, m]
+                if w != a and w != b and mark[w] == stamp:
+                    mark[w] = stamp + 1
+                    common += 1
+                if mark[w] < stamp and x[w, 1] == 0.0:
+                    crossing = crossing or (a_middle and not b_middle)
+                if w == a:
+                    shared += 1
+        corner = following[corner]
+    return not crossing and common == shared == (1 if a_middle and b_middle else 2)
+
+
+@exact_kernel(inner=True)
+def _move_corners(triangles, kept, first, following, a, b):
+    """Makes the corners of vertex b those of vertex a; triangles at both go."""
+    corner = first[b]
+    while corner >= 0:
+        f = corner // 3
+        if kept[f]:
+            if triangles[f, 0] == a or triangles[f, 1] == a or triangles[f, 2] == a:
+                kept[f] = False
+            else:
+                triangles[f, corner % 3] = a
+        corner = following[corner]
+
+
 @exact_kernel()
 def _collapse(x, triangles, size, wanted):
     """Collapses short edges in place until the whole (mirrored) mesh has `wanted` vertices.
@@ -122,35 +181,8 @@ def _collapse(x, triangles, size, wanted):
                 if b_middle and not a_middle:
                     a, b = b, a
                     a_middle, b_middle = True, False
-                # Link condition: exactly the opposite corners are common neighbours.
                 stamp += 2
-                corner = first[a]
-                while corner >= 0:
-                    f = corner // 3
-                    if kept[f]:
-                        for m in range(3):
-                            mark[triangles[f, m]] = stamp
-                    corner = following[corner]
-                common = 0
-                shared = 0
-                crossing = False  # an edge between vertices of the middle plane that leaves it
-                corner = first[b]
-                while corner >= 0:
-                    f = corner // 3
-                    if kept[f]:
-                        for m in range(3):
-                            w = triangles[f, m]
-                            if w != a and w != b and mark[w] == stamp:
-                                mark[w] = stamp + 1
-                                common += 1
-                            if mark[w] < stamp and x[w, 1] == 0.0:
-                                crossing = crossing or (a_middle and not b_middle)
-                            if w == a:
-                                shared += 1
-                    corner = following[corner]
-                if crossing or common != shared or (a_middle and b_middle and shared != 1):
-                    continue
-                if not (a_middle and b_middle) and shared != 2:
+                if not _is_link(x, triangles, kept, first, following, mark, stamp, a, b):
                     continue
                 share = 0.0 if a_middle and not b_middle else 0.5
                 px = x[a, 0] + share * (x[b, 0] - x[a, 0])
@@ -161,15 +193,7 @@ def _collapse(x, triangles, size, wanted):
                 ):
                     continue
                 x[a, 0], x[a, 1], x[a, 2] = px, py, pz
-                corner = first[b]
-                while corner >= 0:
-                    f = corner // 3
-                    if kept[f]:
-                        if triangles[f, 0] == a or triangles[f, 1] == a or triangles[f, 2] == a:
-                            kept[f] = False
-                        else:
-                            triangles[f, corner % 3] = a
-                    corner = following[corner]
+                _move_corners(triangles, kept, first, following, a, b)
                 following[final[a]] = first[b]
                 final[a] = final[b]
                 alive[b] = False

@@ -9,6 +9,8 @@ triangles that lie inside themselves, as in the crease of a bent elbow, are left
 Right before fast: nothing here is for real time.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,6 +45,17 @@ _SURE = 1e-5
 """Farther than this from the nearest triangle, its side is that of the surface [m]."""
 _EDGE = 1e-7
 """A hit may miss a triangle by this in its barycentric coordinates: no slits between them."""
+
+
+class _Skin(NamedTuple):
+    """A skin with its hierarchy of boxes and dipoles, and what is known of its triangles."""
+
+    x: FloatArray
+    triangles: IntArray
+    depth: int
+    boxes: FloatArray
+    dipoles: FloatArray
+    state: NDArray[np.int8]
 
 
 class MeshCollider:
@@ -123,7 +136,7 @@ class MeshCollider:
             raise GeometryError(f"x {x.shape} and x_start {start.shape} must both be [n, 3]")
         normal = np.zeros_like(x)
         met = np.full(len(x), -1, dtype=np.int32)
-        _collide(*self._skin(), self._before, self._boxes_before, start, thickness, x, normal, met)
+        _collide(self._skin(), self._before, self._boxes_before, start, thickness, x, normal, met)
         met[met >= 0] = self._order[met[met >= 0]]
         return x, normal, met
 
@@ -134,8 +147,10 @@ class MeshCollider:
         insides(self._x, self._triangles, self._depth, self._dipoles, points, result)
         return result
 
-    def _skin(self) -> tuple[FloatArray, IntArray, int, FloatArray, FloatArray, NDArray[np.int8]]:
-        return self._x, self._triangles, self._depth, self._boxes, self._dipoles, self._state
+    def _skin(self) -> "_Skin":
+        return _Skin(
+            self._x, self._triangles, self._depth, self._boxes, self._dipoles, self._state
+        )
 
     def _refit(self) -> None:
         refit_boxes(self._x, self._triangles, self._boxes, self._depth)
@@ -300,21 +315,9 @@ def _first_met(x, triangles, depth, boxes, before, boxes_before, p, q):
 
 
 @exact_kernel()
-def _collide(
-    x_skin,
-    triangles,
-    depth,
-    boxes,
-    dipoles,
-    state,
-    before,
-    boxes_before,
-    start,
-    thickness,
-    x,
-    normal,
-    met,
-):
+def _collide(skin, before, boxes_before, start, thickness, x, normal, met):
+    """See `MeshCollider.collide`; `skin` is a `_Skin`."""
+    x_skin, triangles, depth, boxes, dipoles, state = skin
     closest = np.empty(3)
     for i in range(x.shape[0]):
         p = x[i]
