@@ -29,7 +29,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Tests of nodes first: they take longest, and the last file keeps one worker busy alone."""
-    items.sort(key=lambda item: item.path.parent.name != "ros")
+    items.sort(key=lambda item: "ros" not in item.path.parts)
 
 
 def pytest_make_parametrize_id(val: object) -> str | None:

@@ -14,7 +14,6 @@ import trimesh
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from unit.test_collider_description import example_set
 from unit.test_garment_mesh import ply
-from unit.test_gltf import document
 from unit.test_obj_bodies import person, write_makehuman
 from unit.test_recording import STORE, avatar
 from unit.test_urdf import GRIPPER
@@ -27,6 +26,7 @@ from garment_sim_ros.garment.mesh import load_garment_mesh
 from garment_sim_ros.garment.outfit_file import builtin_outfits, read_outfit
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.recording.bags import read_recording
+from hostile.gltf_files import document
 
 BVH = """HIERARCHY
 ROOT Hips

@@ -5,7 +5,7 @@ from pathlib import Path
 
 REPOSITORY = Path(__file__).parents[2]
 PACKAGE = REPOSITORY / "garment_sim_ros"
-FOLDERS = ("garment_sim_ros", "bench", "examples", "launch")
+FOLDERS = ("garment_sim_ros", "test", "bench", "examples", "launch")
 MOST_LINES_OF_A_FILE = 400
 MOST_LINES = 80
 MOST_ARGUMENTS = 12
@@ -27,7 +27,7 @@ def test_files_stay_short():
         for folder in FOLDERS
         for path in (REPOSITORY / folder).rglob("*.py")
     }
-    assert len(lines) > 350
+    assert len(lines) > 500
     long = {name: n for name, n in lines.items() if n > MOST_LINES_OF_A_FILE}
     assert not long, "split by topic"
 

@@ -12,17 +12,11 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.serialization import serialize_message
+from ros_input.collider import NAMESPACE, STEP, as_array, nanoseconds, stamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from garment_sim_ros.body.loaders.load import load_body
-from garment_sim_ros.body.loaders.urdf import parse_urdf
-from garment_sim_ros.body.retargeting import Retargeter
-from garment_sim_ros.cli import main as cli
-from garment_sim_ros.colliders.description import from_json, load_colliders
-from garment_sim_ros.colliders.posing import ColliderPoser
-from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.mocap.source_urdf import reference_from_urdf, urdf_from_clip
+from garment_sim_ros.colliders.description import from_json
 from garment_sim_ros.ros.interfaces import (
     COLLIDER_DESCRIPTION,
     COLLIDER_MARKERS,
@@ -33,114 +27,6 @@ from garment_sim_ros.ros.interfaces import (
 )
 
 pytestmark = pytest.mark.ros
-
-NAMESPACE = "/collider_test"
-STEP = 10_000_000
-
-
-def stamped(stamp):
-    return Header(stamp=Time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id="world")
-
-
-def nanoseconds(message):
-    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-
-
-def as_array(message):
-    return np.array(
-        [
-            [getattr(p.position, k) for k in "xyz"] + [getattr(p.orientation, k) for k in "xyzw"]
-            for p in message.poses
-        ]
-    )
-
-
-class Feeder:
-    """Sends joint states of the built-in walk with stamps of its own."""
-
-    def __init__(self, probe, until):
-        self.probe = probe
-        self.until = until
-        self.clip = load_clip("walk")
-        self.names = self.clip.rig.dofs.names
-        self.urdf = urdf_from_clip(self.clip)
-        self.stamp = 1000 * 10**9
-        self.sample = 0
-        self.poses = probe.listen(COLLIDER_POSES)
-
-    def values(self):
-        self.sample = (self.sample + 1) % len(self.clip.times)
-        return self.clip.values[self.sample].tolist()
-
-    def send(self, *, advance=STEP, **changes):
-        """One message; its stamp."""
-        self.stamp += advance
-        fields = {"header": stamped(self.stamp), "name": list(self.names)}
-        if "position" not in changes and "name" not in changes:
-            fields["position"] = self.values()
-        self.probe.publish(JOINT_STATES, JointState(**{**fields, **changes}))
-        return self.stamp
-
-    def answer(self, stamp):
-        """The poses with a stamp."""
-
-        def find():
-            found = self.probe.received(self.poses)
-            return next((m for m in reversed(found) if nanoseconds(m) == stamp), None)
-
-        return self.until(find, f"poses stamped {stamp}")
-
-    def found(self):
-        return self.probe.received(self.poses)
-
-    def until_answered(self):
-        """Sends until poses come: a best effort reader misses what comes before it matched."""
-
-        def answered():
-            self.send()
-            return self.found()
-
-        self.until(answered, "the first poses")
-        self.answer(self.send())  # nothing is under way any more
-
-
-@pytest.fixture(scope="module")
-def node(start_node):
-    return start_node("collider_node", NAMESPACE, ground_feet=False)
-
-
-@pytest.fixture(scope="module")
-def feeder(node, make_probe, until):
-    probe = make_probe(NAMESPACE)
-    feeder = Feeder(probe, until)
-    description = probe.listen(COLLIDER_DESCRIPTION)
-    probe.publish(ROBOT_DESCRIPTION, String(data=feeder.urdf))
-    until(lambda: probe.received(description), "a description")
-    until(
-        lambda: (
-            probe.diagnostics(node) and "waits for robot" not in probe.diagnostics(node).message
-        ),
-        "the skeleton is taken",
-    )
-    feeder.until_answered()
-    return feeder
-
-
-@pytest.fixture(scope="module")
-def expected_poses(feeder):
-    """Poses [n, 7] of the node's colliders for channel values, computed here."""
-    colliders = from_json(feeder.probe.received("collider_description")[0].data)
-    body = load_body("mannequin")
-    rig = parse_urdf(feeder.urdf)
-    move = Retargeter(rig, body, reference=reference_from_urdf(feeder.urdf))
-    poser = ColliderPoser(colliders, body)
-    order = [feeder.names.index(name) for name in rig.dofs.names]
-
-    def poses(values):
-        found = poser.poses(move.world_joints(np.array(values)[order]))
-        return np.concatenate([found.position, found.orientation], axis=1)
-
-    return poses
 
 
 def test_description_reaches_late_joiners(feeder, make_probe, until):
@@ -331,36 +217,6 @@ def test_missing_joint_states_are_told(feeder, node, until):
     until(well, "all is well again")
 
 
-def test_one_of_two_publishers_is_followed(start_node, make_probe, until):
-    # A machine that is held up for a second is no reason to follow the other one here.
-    namespace = "/collider_two"
-    asked = {"method": "spheres", "delta": 0.01, "stale_after": 600.0}
-    node = start_node("collider_node", namespace, **asked)
-    probe, other = make_probe(namespace), make_probe(namespace)
-    feeder = Feeder(probe, until)
-    probe.publish(ROBOT_DESCRIPTION, String(data=feeder.urdf))
-    feeder.until_answered()
-    strays = set()
-
-    def both():
-        feeder.answer(feeder.send())
-        names = list(feeder.names)
-        strays.add(feeder.stamp + 1)
-        stray = JointState(
-            header=stamped(feeder.stamp + 1), name=names, position=[0.5] * len(names)
-        )
-        other.publish(JOINT_STATES, stray)
-        status = probe.diagnostics(node)
-        return status and "2 publishers of joint_states" in status.message
-
-    until(both, "both publishers on /diagnostics")
-    until(lambda: "2 publishers of joint_states" in node.output, "both in the log")
-    feeder.answer(feeder.send())
-    assert not strays & {nanoseconds(message) for message in feeder.found()}
-    node.send(signal.SIGTERM)
-    assert node.wait() == 0
-
-
 def test_a_time_that_begins_again_is_followed(feeder):
     feeder.stamp = 5 * 10**9
     feeder.send()  # the first one might be a stray
@@ -381,87 +237,8 @@ def test_joint_states_without_a_stamp_are_of_now(feeder):
     assert nanoseconds(feeder.found()[-1]) >= before
 
 
-def test_first_values_are_waited_for(start_node, make_probe, until):
-    namespace = "/collider_partial"
-    node = start_node("collider_node", namespace, method="spheres", delta=0.01)
-    probe = make_probe(namespace)
-    feeder = Feeder(probe, until)
-    probe.publish(ROBOT_DESCRIPTION, String(data=feeder.urdf))
-    half = len(feeder.names) // 2
-    values = feeder.values()
-
-    def waits():
-        feeder.send(name=list(feeder.names[:half]), position=values[:half])
-        status = probe.diagnostics(node)
-        return status and "first value" in status.message
-
-    until(waits, "it waits for the other half")
-    assert probe.value(node, "rejected.name_missing") > 0
-    assert not feeder.found()
-    message = feeder.answer(feeder.send(name=list(feeder.names[half:]), position=values[half:]))
-    description = probe.listen(COLLIDER_DESCRIPTION)
-    until(lambda: probe.received(description), "the description")
-    colliders = from_json(probe.received(description)[0].data)
-    assert {c.kind for c in colliders.colliders} == {"sphere", "frame"}
-    assert len(message.poses) == len(colliders)
-    node.send(signal.SIGTERM)
-    assert node.wait() == 0
-    assert "Traceback" not in node.output
-
-
-def test_the_urdf_can_be_the_body(start_node, make_probe, until, data_file):
-    namespace = "/collider_urdf"
-    text = data_file("urdf", "human_1m65.urdf").read_text()
-    node = start_node("collider_node", namespace, body="")
-    probe = make_probe(namespace)
-    description, poses = probe.listen(COLLIDER_DESCRIPTION), probe.listen(COLLIDER_POSES)
-    probe.publish(ROBOT_DESCRIPTION, String(data=text))
-    until(lambda: probe.received(description), "the description")
-    colliders = from_json(probe.received(description)[0].data)
-    rig = parse_urdf(text)
-    names = [n for n, m in zip(rig.dofs.names, rig.dofs.mimic_source) if m < 0]
-
-    def posed():
-        probe.publish(JOINT_STATES, JointState(name=names, position=[0.0] * len(names)))
-        return probe.received(poses)
-
-    until(posed, "poses")
-    assert len(probe.received(poses)[0].poses) == len(colliders)
-    node.send(signal.SIGINT)
-    assert node.wait() == 0
-    assert "Traceback" not in node.output
-
-
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ({"body": "no_such.glb"}, "no_such.glb: does not exist"),
-        ({"delta": -0.01}, "delta: found -0.01"),
-        ({"bone_names": "no_such.yaml"}, "no_such.yaml: "),
-    ],
-)
-def test_unusable_parameters_end_it_with_one_line(start_node, parameters, words):
-    node = start_node("collider_node", "/collider_bad", **parameters)
-    assert node.wait() == 2
-    lines = [line for line in node.output.splitlines() if line.strip()]
-    assert lines[-1].startswith(f"error: {words}")
-    assert "Traceback" not in node.output
-
-
 def test_clean_end(node, feeder):
     feeder.send()
     node.send(signal.SIGINT)
     assert node.wait() == 0
     assert "Traceback" not in node.output
-
-
-def test_fits_what_the_command_fits(start_node, make_probe, until, tmp_path):
-    probe = make_probe("/fit_test")
-    description = probe.listen(COLLIDER_DESCRIPTION)
-    options = {"body": "mannequin:vertices=1000", "method": "capsules", "delta": 0.006}
-    start_node("collider_node", "/fit_test", cache=False, **options)
-    out = tmp_path / "c.json"
-    words = ["fit", options["body"], "--method", "capsule", "--delta", "0.006", "--out", str(out)]
-    assert cli.main(words) == 0
-    told = until(lambda: probe.received(description), "a description")
-    assert from_json(told[0].data).revision == load_colliders(out).revision

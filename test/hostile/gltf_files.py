@@ -1,0 +1,118 @@
+"""glTF files of a column of skin on three joints, whole or changed."""
+
+import json
+import struct
+
+import numpy as np
+import trimesh
+
+COMPONENT = {"f4": 5126, "u1": 5121, "u2": 5123, "u4": 5125, "i2": 5122, "i1": 5120}
+
+
+KIND = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+
+
+class Builder:
+    """A glTF document under construction; tests change `json` before it is written."""
+
+    def __init__(self):
+        self.binary = b""
+        self.json = {
+            "asset": {"version": "2.0"},
+            "nodes": [],
+            "meshes": [],
+            "skins": [],
+            "accessors": [],
+            "bufferViews": [],
+        }
+
+    def view(self, data):
+        self.binary += b"\0" * (-len(self.binary) % 4)
+        self.json["bufferViews"].append(
+            {"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)}
+        )
+        self.binary += data
+        return len(self.json["bufferViews"]) - 1
+
+    def accessor(self, array, dtype, normalized=False):
+        array = np.asarray(array, dtype="<" + dtype)
+        accessor = {
+            "bufferView": self.view(array.tobytes()),
+            "componentType": COMPONENT[dtype],
+            "count": len(array),
+            "type": KIND[array.size // len(array)],
+        }
+        if normalized:
+            accessor["normalized"] = True
+        self.json["accessors"].append(accessor)
+        return len(self.json["accessors"]) - 1
+
+    def glb(self, path):
+        self.json["buffers"] = [{"byteLength": len(self.binary)}]
+        text = json.dumps(self.json).encode()
+        text += b" " * (-len(text) % 4)
+        binary = self.binary + b"\0" * (-len(self.binary) % 4)
+        total = 12 + 8 + len(text) + 8 + len(binary)
+        path.write_bytes(
+            struct.pack("<4sII", b"glTF", 2, total)
+            + struct.pack("<I4s", len(text), b"JSON")
+            + text
+            + struct.pack("<I4s", len(binary), b"BIN\0")
+            + binary
+        )
+        return path
+
+
+SIZE = np.array([0.4, 1.8, 0.2])
+
+
+def column(seams=False):
+    """A closed box 1.8 m high standing on y = 0, its weights shared by two joints by height."""
+    box = trimesh.creation.box(extents=SIZE).subdivide().subdivide()
+    box.apply_translation([0.0, SIZE[1] / 2, 0.0])
+    if seams:
+        box.unmerge_vertices()
+    upper = np.clip(box.vertices[:, 1] / SIZE[1], 0.0, 1.0)
+    return np.asarray(box.vertices), np.asarray(box.faces), upper
+
+
+def document(*, seams=False, weight=("f4", 1.0, False), scale=1.0, root_scale=1.0, index="u2"):
+    """Nodes: 0 armature, 1 'low', 2 'high' at half height, 3 the mesh.
+
+    The mesh is `scale` times as large as the armature's nodes show it after `root_scale`.
+    """
+    b = Builder()
+    x, faces, upper = column(seams)
+    dtype, factor, normalized = weight
+    w = np.zeros((len(x), 4))
+    w[:, 0], w[:, 1] = (1 - upper) * factor, upper * factor
+    joints = np.zeros((len(x), 4))
+    joints[:, 1] = 1
+    half = SIZE[1] / 2 / root_scale
+    bind = np.tile(np.eye(4), (2, 1, 1))
+    bind[1, 1, 3] = -half
+    bind = bind @ np.diag([scale / root_scale] * 3 + [1.0])
+    b.json["nodes"] = [
+        {"name": "armature", "children": [1], "scale": [root_scale] * 3},
+        {"name": "low", "children": [2]},
+        {"name": "high", "translation": [0.0, half, 0.0]},
+        {"name": "mesh", "mesh": 0, "skin": 0},
+    ]
+    b.json["skins"] = [
+        {"joints": [1, 2], "inverseBindMatrices": b.accessor(bind.transpose(0, 2, 1), "f4")}
+    ]
+    b.json["meshes"] = [
+        {
+            "primitives": [
+                {
+                    "attributes": {
+                        "POSITION": b.accessor(x / scale, "f4"),
+                        "JOINTS_0": b.accessor(joints, "u1"),
+                        "WEIGHTS_0": b.accessor(w, dtype, normalized),
+                    },
+                    "indices": b.accessor(faces.reshape(-1), index),
+                }
+            ]
+        }
+    ]
+    return b

@@ -1,0 +1,105 @@
+"""The cloth node as a process, fed by hand."""
+
+import signal
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from ros_input.cloth import GARMENTS, NAMESPACE, SECOND, points_of, resets, stamp_of
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import Marker
+
+from garment_sim_ros.ros.interfaces import (
+    GARMENT_TOPOLOGY,
+)
+
+pytestmark = pytest.mark.ros
+
+
+def test_topology_reaches_late_joiners_and_fits_the_points(running, probe, make_probe, until):
+    late = make_probe(NAMESPACE)
+    for name in GARMENTS:
+        topology = late.listen(GARMENT_TOPOLOGY, name)
+        until(lambda t=topology: late.received(t), f"topology of the {name}")
+        mesh = late.received(topology)[-1]
+        triangles = np.array([t.vertex_indices for t in mesh.triangles])
+        data = probe.next(f"garments/{name}/points")[0]
+        cloud = deserialize_message(data, PointCloud2)
+        assert len(mesh.vertices) == cloud.width
+        assert triangles.max() == cloud.width - 1
+        assert (cloud.header.frame_id, cloud.height, cloud.point_step) == ("world", 1, 12)
+        assert [f.name for f in cloud.fields] == ["x", "y", "z"]
+        drawn = probe.received(f"garments/{name}/mesh")
+        same = until(
+            lambda d=data, ms=drawn: [m for m in ms if stamp_of(m) == stamp_of(d)],
+            "the marker of that frame",
+        )
+        marker = deserialize_message(same[0], Marker)
+        corners = np.array([[p.x, p.y, p.z] for p in marker.points])
+        assert (corners == points_of(data)[triangles.ravel()]).all()
+        assert (marker.ns, marker.type, marker.action) == (name, marker.TRIANGLE_LIST, marker.ADD)
+        assert marker.header.frame_id == "world"
+
+
+def test_quality_of_service(running, probe):
+    topics = {
+        "garments/skirt/points": DurabilityPolicy.VOLATILE,
+        "garments/skirt/mesh": DurabilityPolicy.VOLATILE,
+        "garments/skirt/topology": DurabilityPolicy.TRANSIENT_LOCAL,
+        "quality": DurabilityPolicy.VOLATILE,
+    }
+    for name, durability in topics.items():
+        (info,) = probe.publishers_of(name)
+        assert info.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        assert info.qos_profile.durability == durability
+
+
+def test_stamps_are_whole_steps_and_never_beyond_the_input(running, probe):
+    step = round(SECOND / 180)
+    stamps = [stamp_of(m) for m in probe.next("garments/shirt/points", 60)]
+    assert max(stamps) <= running.stamp
+    steps = np.diff(stamps)
+    assert (steps >= 0).all()
+    assert (steps % step == 0).all()
+    assert stamps[-1] > stamps[0]
+
+
+def test_quality_has_one_status_per_garment_and_frame(running, probe):
+    message = probe.next("quality")[0]
+    assert [s.name for s in message.status] == list(GARMENTS)
+    for status in message.status:
+        values = {v.key: float(v.value) for v in status.values}
+        assert values.keys() >= {"step_ms", "strain_p95", "strain_max", "contacts", "resets"}
+        assert all(np.isfinite(v) for v in values.values())
+        assert values["step_ms"] >= 0.0
+        assert values["strain_max"] >= values["strain_p95"] - 1e-3
+        for measure in ("pierced", "inside", "inside_p99", "inside_median"):
+            assert 0.0 <= values[measure] <= 1.0
+    stamps = {stamp_of(m) for m in probe.received("garments/skirt/points")}
+    assert message.header.stamp.sec * SECOND + message.header.stamp.nanosec in stamps
+
+
+def test_reset(running, probe, reach):
+    before = resets(probe)
+    assert probe.call(Trigger, "cloth_node/reset", Trigger.Request()).success
+    reach()
+    assert resets(probe) == before + 1
+
+
+def test_pause(running, probe, reach):
+    assert probe.call(SetBool, "cloth_node/pause", SetBool.Request(data=True)).success
+    held = probe.next("garments/skirt/points", 10)[1:]
+    assert all(m == held[0] for m in held)
+    assert probe.call(SetBool, "cloth_node/pause", SetBool.Request(data=False)).success
+    reach()
+
+
+def test_clean_end(running, node):
+    node.send(signal.SIGTERM)
+    assert node.wait() == 0
+    assert "Traceback" not in node.output

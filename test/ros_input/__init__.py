@@ -1,0 +1,1 @@
+"""What tests send to nodes, and how they read what comes back."""
