@@ -32,6 +32,7 @@ from garment_sim_ros.colliders.ellipsoids.ellipsoids import ellipsoids_around
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.report.motion_report import motion_report
 from garment_sim_ros.colliders.segmentation.segmentation import segment
+from garment_sim_ros.constants import GRAVITY, USUAL_STEP
 from garment_sim_ros.contact.papers.earliest.hit import (
     collide_earliest,
     meet,
@@ -59,7 +60,7 @@ TABLE_2 = (
     ("dense woman", "mh_female_young.glb", 60, 11.8, 2.4, 2.5),
     ("coarse woman", "mh_proxy_female1605.obj", 56, 5.1, 0.5, 1.3),
 )
-DT = 1.0 / 180.0
+DT = USUAL_STEP
 
 
 def median_ms(rounds: int, work: Callable[[], object], reset: Callable[[], object] = int) -> float:
@@ -167,7 +168,7 @@ class Walk:
         x = out.copy()
         collide_earliest(self.start, self.start, out, x, np.zeros_like(x), DT, friction=0.0)
         _leave_all(self.start, x)
-        return x, x + 0.5 * (carried - at[order]) + np.array([0.0, 0.0, -9.81 * DT * DT])
+        return x, x + 0.5 * (carried - at[order]) + np.array([0.0, 0.0, -GRAVITY * DT * DT])
 
 
 def _leave_all(ellipsoids: PosedEllipsoids, x: np.ndarray) -> None:

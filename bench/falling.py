@@ -24,6 +24,7 @@ import numpy as np
 
 from garment_sim_ros.colliders.hulls.hull import convex_hull, inflate_vertices
 from garment_sim_ros.colliders.hulls.hull_simplify import Simplification, simplify_hull
+from garment_sim_ros.constants import USUAL_STEP
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.geometry.topology import mesh_topology
@@ -36,7 +37,7 @@ from drape import Unit
 from hulls import fig8_model
 from springs import grid
 
-STEP = 1 / 180
+STEP = USUAL_STEP
 FRAME = 3 * STEP
 DELTA = 0.005
 

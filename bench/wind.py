@@ -49,22 +49,22 @@ def main() -> None:
         simulation.reset(poses)
         simulation.advance(poses, poses)
         field = wind_field(environment)
-        grips = [
+        winds = [
             (WindOnCloth(simulation.model(g.name)), simulation.state(g.name).copy())
             for g in garments
             if field.drag or field.lift
         ]
-        scenes[name] = simulation, field, grips
+        scenes[name] = simulation, field, winds
     step = {name: [] for name in scenes}
     alone = {name: [] for name in scenes}
     for _ in range(options.rounds):
-        for name, (simulation, field, grips) in scenes.items():
+        for name, (simulation, field, winds) in scenes.items():
             begin = time.thread_time()
             simulation.advance(poses, poses)
             step[name].append(time.thread_time() - begin)
             begin = time.thread_time()
-            for grip, state in grips:
-                grip.blow(field, state, simulation.origin, simulation.time, simulation.solver_step)
+            for wind, state in winds:
+                wind.blow(field, state, simulation.origin, simulation.time, simulation.solver_step)
             alone[name].append(time.thread_time() - begin)
     result = {
         "particles": sum(len(g.vertices) for g in garments),

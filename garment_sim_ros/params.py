@@ -3,6 +3,7 @@
 import dataclasses
 
 from garment_sim_ros.collider_params import ColliderOptions as ColliderOptions
+from garment_sim_ros.constants import FALL, USUAL_STEP
 from garment_sim_ros.declaration import Needs, needs, needs_any
 from garment_sim_ros.declaration import checked as checked
 from garment_sim_ros.declaration import declarations as declarations
@@ -66,7 +67,7 @@ class Environment:
     """Outer forces on all garments."""
 
     gravity: tuple[float, ...] = parameter(
-        (0.0, 0.0, -9.81), "Gravity in the world frame.", unit="m/s^2", minimum=-1e4, maximum=1e4
+        FALL, "Gravity in the world frame.", unit="m/s^2", minimum=-1e4, maximum=1e4
     )
     wind: tuple[float, ...] = parameter(
         (0.0, 0.0, 0.0),
@@ -303,7 +304,7 @@ class ClothNodeParameters:
         "xpbd", "Name of the solver.", choices=("xpbd", "relaxation", "implicit")
     )
     solver_step: float = parameter(
-        1 / 180,
+        USUAL_STEP,
         "Fixed step of the solver. A frame shows a whole number of steps, so long steps make the "
         "motion uneven.",
         unit="s",

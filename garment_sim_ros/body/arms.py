@@ -16,12 +16,11 @@ from garment_sim_ros.body.anatomy import SIDES
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.constants import PERSON_HEIGHT
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 
 _TRUNK = ("hips", "spine", "chest", "upperChest", "leftUpperLeg", "rightUpperLeg")
 _DIRECTIONS = 128
-_PERSON = 1.65
-"""Height of a person that lengths here are for [m]."""
 _GAP = 0.01
 """Room for cloth between arm and trunk [m]."""
 _NEAR = 0.03
@@ -98,7 +97,7 @@ class Arms:
 
     def __init__(self, body: Body) -> None:
         T = rest_transforms(body.rig)
-        scale = max(float(np.ptp(body.skin.vertices[:, 2])), 1e-6) / _PERSON
+        scale = max(float(np.ptp(body.skin.vertices[:, 2])), 1e-6) / PERSON_HEIGHT
         self._gap, self._near = scale * _GAP, scale * _NEAR
         skins = _skin_of_bones(body)
         trunk = [bone for bone in _TRUNK if len(skins.get(bone, ())) >= _LEAST_SKIN]

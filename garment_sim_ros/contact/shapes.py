@@ -77,12 +77,12 @@ class Collider:
 
     @property
     def is_frame(self) -> bool:
-        """Whether it is a place that others ride on, without a shape."""
+        """Whether it is a place that others move with, without a shape."""
         return self.record.is_frame
 
 
 def frame_of(bone: str) -> Collider:
-    """The frame of a bone, ``frame_<bone>``: what attachments and skins ride on."""
+    """The frame of a bone, ``frame_<bone>``: what attachments and skins move with."""
     return Collider(name=f"frame_{bone}", kind=FRAME.name, bone=bone)
 
 

@@ -11,6 +11,7 @@ from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.body.skinning import skin_vertices
+from garment_sim_ros.constants import PERSON_HEIGHT
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.slices import Profile, crossings, sections
 from garment_sim_ros.geometry.topology import edge_table
@@ -129,7 +130,7 @@ class Measures:
     @cached_property
     def unit(self) -> float:
         """A metre on a person of 1.65 m: sizes of a garment scale with its wearer."""
-        return self.height / 1.65
+        return self.height / PERSON_HEIGHT
 
     @cached_property
     def trunk_share(self) -> FloatArray:

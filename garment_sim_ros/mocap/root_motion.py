@@ -26,7 +26,7 @@ class RootMotion:
     """Moves poses of a clip by whole cycles: a turn about the vertical and a step on the ground.
 
     Only a root with three position channels followed by three rotation channels can be moved; for
-    others `moves` is false and `carry` changes nothing.
+    others `moves` is false and `advance` changes nothing.
 
     Args:
         clip: The clip.
@@ -55,7 +55,7 @@ class RootMotion:
         self._T_cycle = self._ground_motion(clip.values[0], clip.values[-1])
         self._carried = (0, np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3))
 
-    def carry(self, q: FloatArray, cycles: int) -> None:
+    def advance(self, q: FloatArray, cycles: int) -> None:
         """Move a pose on by a number of cycles, in place.
 
         Args:

@@ -86,7 +86,7 @@ class ClipSampler:
             i, j, min(max(s, 0.0), 1.0), q,
         )  # fmt: skip
         if self._root is not None:
-            self._root.carry(q, cycle)
+            self._root.advance(q, cycle)
         return q.copy()
 
     def _lead_end_to_start(self) -> None:
@@ -95,7 +95,7 @@ class ClipSampler:
         values = self._values = self._values.copy()
         target = values[0].copy()
         if self._root is not None:
-            self._root.carry(target, 1)
+            self._root.advance(target, 1)
         gap = target - values[-1]
         turns = self._single[self._wraps]
         gap[turns] -= _TURN * np.round(gap[turns] / _TURN)

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.constants import GRAVITY
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.mocap import gait_curves as gait
 from garment_sim_ros.mocap.clip import Clip
@@ -30,7 +31,6 @@ from garment_sim_ros.mocap.walker import (
 )
 from garment_sim_ros.params import parameter, validated
 
-_GRAVITY = 9.81
 _SPEEDS = (0.6, 1.8)
 """Speeds at which a person of 1.7 m walks so [m/s]."""
 _FRAME_RATE = 100.0
@@ -149,7 +149,7 @@ def _pose(
     """
     along = stride * phase
     heading = way.heading(along)
-    lean = np.arctan(speed**2 / (_GRAVITY * way.radius))
+    lean = np.arctan(speed**2 / (GRAVITY * way.radius))
     turn, lists = gait.pelvis_turn(phase), gait.pelvis_list(phase)
     pelvis = _turned(heading + turn, np.zeros_like(phase), -lists - lean)
     counter = heading - turn

@@ -217,7 +217,7 @@ class ClothStepper:
 
     def _take_along(self, stamp: int, poses: ColliderPoses) -> None:
         """Take the garments along on a jump; time until then is passed over."""
-        self.simulation.carry(self._now, poses)
+        self.simulation.transport(self._now, poses)
         self.time = stamp
         self._now = poses.copy()
         self._carries = self.is_behind = False
@@ -230,7 +230,7 @@ class ClothStepper:
         self.skipped += steps * self._step
         self.time += steps * self._step
         self._buffer.at(self.time, self._next)
-        self.simulation.carry(self._now, self._next)
+        self.simulation.transport(self._now, self._next)
         self._now, self._next = self._next, self._now
 
     def _move(self) -> None:

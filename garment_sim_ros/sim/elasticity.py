@@ -6,12 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray, LongArray
+from garment_sim_ros.constants import GRAVITY
 from garment_sim_ros.geometry.topology import hinge_vertices
 from garment_sim_ros.geometry.triangles import area_vectors
 from garment_sim_ros.params import Material
 
-GRAVITY = 9.81
-"""What weight is measured with where only its size matters [m/s^2]."""
 _FLAT = 0.9
 """Triangles whose normal is closer to the vertical than this (as a cosine) lie flat."""
 _COUNTS = np.array([1.0, 1.0, 0.1])

@@ -67,7 +67,7 @@ def take_step(
             for pair in pairs:
                 if s % search_every == 0:
                     pair.find_close(step.dt)
-                pair.part()
+                pair.separate()
             for piece in pieces:
                 _hold(piece, step, end)
     for piece in pieces:

@@ -132,7 +132,7 @@ def measure_motion(v, motion):
 
 
 @kernel(forceinline=True)
-def carry_pins(x, v, pin_collider, pin_position, position, orientation, origin, dt):
+def move_pins(x, v, pin_collider, pin_position, position, orientation, origin, dt):
     """Moves pinned particles rigidly with their colliders.
 
     Args:

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 
+from garment_sim_ros.constants import USUAL_STEP
 from garment_sim_ros.sim.worn import Worn
 
-_COARSE_STEP = 1 / 180
-"""A finer step first settles with this one [s]: draping takes seconds, whatever the step."""
+_COARSE_STEP = USUAL_STEP
+"""A finer step first settles with this one: draping takes seconds, whatever the step."""
 _STEP_LIMIT = 900
 """Steps of either size after which a garment stops all the same."""
 _CALM = 2e-3

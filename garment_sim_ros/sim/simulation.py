@@ -104,7 +104,7 @@ class Simulation(ByName):
         self._view = {n: GarmentView(w, self.origin) for n, w in self._worn.items()}
         self._at = ColliderPoses.identity(len(colliders))
         self._is_on = False
-        self._grips: dict[str, WindOnCloth] = {}
+        self._wind_on: dict[str, WindOnCloth] = {}
         asked = parameters_of(solver, environment, settings, parameters)
         self._wind = Wind(asked.environment)
         self.parameters = asked
@@ -204,7 +204,7 @@ class Simulation(ByName):
         else:
             self.advance(self._at, self._at if poses is None else poses, dt)
 
-    def carry(self, poses_start: ColliderPoses, poses_end: ColliderPoses) -> None:
+    def transport(self, poses_start: ColliderPoses, poses_end: ColliderPoses) -> None:
         """Takes all garments along on a way of the body that is not simulated.
 
         Every vertex moves as far as skin there would, so that folds stay as they are; velocities
@@ -222,7 +222,7 @@ class Simulation(ByName):
         self._follow(poses_start)
         for worn in self._worn.values():
             start, end = (worn.frames.world(p) for p in (poses_start, poses_end))
-            worn.carry(blend(worn.garment, end - start))
+            worn.transport(blend(worn.garment, end - start))
         self._follow(poses_end)
         self._at.assign(poses_end)
 
@@ -313,9 +313,9 @@ class Simulation(ByName):
         worn.begin(self._colliders, dt)
         if self._wind.acts(self.time):
             name = worn.garment.name
-            if name not in self._grips:
-                self._grips[name] = WindOnCloth(worn.model)
-            self._grips[name].blow(
+            if name not in self._wind_on:
+                self._wind_on[name] = WindOnCloth(worn.model)
+            self._wind_on[name].blow(
                 self._wind.at(self.time), worn.state, self.origin, self.time, dt
             )
 

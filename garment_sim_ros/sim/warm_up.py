@@ -116,7 +116,7 @@ def warm_up(scene: Scene, solver: str = "xpbd", parameters: Parameters | None = 
     simulation.reset(near)
     simulation.advance(near, near, 2.5 * simulation.solver_step)
     simulation.advance(far, far)
-    simulation.carry(far, near)
+    simulation.transport(far, near)
     for name in simulation.names:
         simulation.state(name).x[0] = np.nan  # is mended
         simulation.advance(near, near)

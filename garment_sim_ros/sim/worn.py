@@ -17,7 +17,7 @@ from garment_sim_ros.sim.holds.letting_go import LettingGo
 from garment_sim_ros.sim.holds.skin_limits import SKIN_LIMITS
 from garment_sim_ros.sim.holds.skin_places import SkinPlaces
 from garment_sim_ros.sim.model import ClothModel, build_model
-from garment_sim_ros.sim.motion import carry_pins, measure_motion, shift
+from garment_sim_ros.sim.motion import measure_motion, move_pins, shift
 from garment_sim_ros.sim.piece import Piece
 from garment_sim_ros.sim.placement import (
     Frames,
@@ -163,7 +163,7 @@ class Worn(Piece):
         for constraint in self.constraints:
             constraint.shift(by)
 
-    def carry(self, moved: FloatArray) -> None:
+    def transport(self, moved: FloatArray) -> None:
         """Takes the garment along, each vertex by its own way [m], shape [v, 3]."""
         for state in (self.state, self.good):
             state.x += moved[self.model.vertex].astype(np.float32)
@@ -182,7 +182,7 @@ class Worn(Piece):
         """
         self.state.assign(State.at(self.model, x_world, colliders.origin))
         free = self.model.free_count
-        carry_pins(
+        move_pins(
             self.state.x[free:],
             self.state.v[free:],
             self.model.pin_collider,

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from garment_sim_ros.constants import GRAVITY, PERSON_HEIGHT
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.params import Environment, Material
@@ -75,7 +76,7 @@ def cells() -> Iterator[Cell]:
     for far in (1.0, 100.0):
         for mode in ("reset", "keep", "ignore"):
             yield Cell("teleport", f"{far:g} m, {mode}", partial(_teleport, far, mode))
-    for tall in (1e-3, 0.1, 1.65, 10.0, 100.0):
+    for tall in (1e-3, 0.1, PERSON_HEIGHT, 10.0, 100.0):
         yield Cell("body height", f"{tall:g} m", partial(_tall, tall))
     yield Cell("pins", "inside a collider", partial(_still, cape(), calm=10.0))
     for gap in (0.01, 0.0, -0.02):
@@ -142,7 +143,7 @@ def _weighed_down() -> Scene:
 
 
 def _heavy(g: float) -> Scene:
-    pull = Environment(gravity=(0.0, 0.0, -9.81 * g))
+    pull = Environment(gravity=(0.0, 0.0, -GRAVITY * g))
     # Stretched by more than a percent it is drawn in at the sides and ripples, to and fro.
     return _curtain(disturbed=pull, environment=pull, unique=g == 1.0)
 
@@ -194,7 +195,7 @@ def _teleport(far: float, mode: str) -> Scene:
 
 
 def _tall(height: float) -> Scene:
-    scale = height / 1.65
+    scale = height / PERSON_HEIGHT
     busy = max(1.0, math.sqrt(scale))
     worn, calm = curtain(scale, busy=busy), 20.0 + 2.0 * busy
     return _still(worn, size=SIDE * scale, busy=busy, calm=calm, unique=True)

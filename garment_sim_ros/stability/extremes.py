@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray
+from garment_sim_ros.constants import USUAL_STEP
 from garment_sim_ros.contact.kinds.capsule import CAPSULE
 from garment_sim_ros.contact.kinds.frame import FRAME
 from garment_sim_ros.contact.kinds.hull import HULL
@@ -59,7 +60,7 @@ class Scene:
     busy: float = 1.0
     calm: float = 25.0
     frame: float = 1 / 60
-    solver_step: float = 1 / 180
+    solver_step: float = USUAL_STEP
     passes: int | None = None
     unique: bool = False
     jump: tuple[float, str] | None = None

@@ -142,7 +142,7 @@ class _Run:
             if jump and scene.jump is not None and scene.jump[1] == "reset":
                 self.simulation.reset(end)
             elif jump and scene.jump is not None and scene.jump[1] == "keep":
-                self.simulation.carry(start, end)
+                self.simulation.transport(start, end)
             else:
                 self.simulation.advance(start, end, scene.frame)
         except MessageError:

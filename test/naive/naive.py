@@ -73,7 +73,7 @@ def update_velocities(
     return v
 
 
-def carry_pins(local: FloatArray, position: FloatArray, orientation: FloatArray) -> FloatArray:
+def move_pins(local: FloatArray, position: FloatArray, orientation: FloatArray) -> FloatArray:
     """World positions [p, 3] of points in frames with the given poses ([p, 3], [p, 4])."""
     return np.array(
         [

@@ -139,7 +139,7 @@ def touch_plane(
     v: FloatArray,
     x_start: FloatArray,
     place: FloatArray,
-    ride: FloatArray,
+    shift: FloatArray,
     normal: FloatArray,
     is_pressed: bool,
     friction: float,
@@ -147,15 +147,15 @@ def touch_plane(
 ) -> tuple[FloatArray, FloatArray]:
     """Position and velocity of a particle after contact with a plane that moved to `place`."""
     if is_pressed:
-        return x_start + ride, ride / dt
+        return x_start + shift, shift / dt
     depth = float((place - x) @ normal)
     if depth <= 0.0:
         return x, v
-    slip = x - x_start - ride
+    slip = x - x_start - shift
     slip = slip - (slip @ normal) * normal
     move = depth * normal - held_back(slip, friction * depth)
     v = v + move / dt
-    leaving = max(float((v - ride / dt) @ normal), 0.0)
+    leaving = max(float((v - shift / dt) @ normal), 0.0)
     return x + move, v - leaving * normal
 
 
@@ -164,7 +164,7 @@ def return_to_plane(
     v: FloatArray,
     x_start: FloatArray,
     place: FloatArray,
-    ride: FloatArray,
+    shift: FloatArray,
     normal: FloatArray,
     inscribed_radius: float,
     friction: float,
@@ -172,7 +172,7 @@ def return_to_plane(
 ) -> tuple[FloatArray, FloatArray]:
     """The same before a search, to 2 % of the shape's inscribed radius below the plane."""
     below = place - 0.02 * inscribed_radius * normal
-    return touch_plane(x, v, x_start, below, ride, normal, False, friction, dt)
+    return touch_plane(x, v, x_start, below, shift, normal, False, friction, dt)
 
 
 def stop_at_contact(
@@ -197,7 +197,7 @@ def stop_at_contact(
 def leave_sphere(
     x: FloatArray,
     x_start: FloatArray,
-    ride: FloatArray,
+    shift: FloatArray,
     sphere: Shape,
     gap: float,
     friction: float,
@@ -211,7 +211,7 @@ def leave_sphere(
     depth = gap - distance
     if depth <= 0.0:
         return x, normal, depth
-    relative = x - x_start - ride
+    relative = x - x_start - shift
     along = float(relative @ normal)
     x = x - held_back(relative - along * normal, friction * min(depth, max(-along, 0.0)))
     distance, out = signed_distance(sphere, x)

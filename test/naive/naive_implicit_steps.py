@@ -21,17 +21,17 @@ class Contact:
     """A spring that presses a particle out of a surface, and one that holds it along it.
 
     Attributes:
-        grip: Stiffness [N/m].
+        contact_stiffness: Stiffness [N/m].
         normal: The way out, shape [3].
         level: How far along it the surface is [m].
-        ride: How far the surface moves in the sub-step [m], shape [3].
+        shift: How far the surface moves in the sub-step [m], shape [3].
         lever: From the particle to its anchor along the surface [m], shape [3].
     """
 
-    grip: float
+    contact_stiffness: float
     normal: FloatArray
     level: float
-    ride: FloatArray
+    shift: FloatArray
     lever: FloatArray
 
 
@@ -63,7 +63,7 @@ class SubSteps:
         elastic: Edges and hinges.
         bound: Stiffness of each edge in the matrix [N/m], shape [m].
         ties: Soft attachments.
-        grip: Stiffness of a contact of each particle [N/m], shape [free].
+        contact_stiffness: Stiffness of a contact of each particle [N/m], shape [free].
         lift: How far above a surface contacts are found [m].
         blend: How much of the last sub-step counts in the share of free fall.
         share: How freely each particle fell of late, shape [free].
@@ -74,26 +74,26 @@ class SubSteps:
     elastic: Elastic
     bound: FloatArray
     ties: list[Tie]
-    grip: FloatArray
+    contact_stiffness: FloatArray
     lift: float
     blend: float
     share: FloatArray
     levers: dict[int, FloatArray] = field(default_factory=dict)
 
-    def _touch(self, x_start: FloatArray, ride: FloatArray, share: float) -> dict[int, Contact]:
+    def _touch(self, x_start: FloatArray, shift: FloatArray, share: float) -> dict[int, Contact]:
         """Contacts at the predicted positions."""
         piece, found = self.piece, {}
         there = (piece.sphere, piece.way(share), np.eye(3))
         for p in range(piece.free):
             gap = piece.gap + self.lift
-            clear, normal, depth = leave_sphere(piece.x[p], x_start[p], ride, there, gap, 0.0)
+            clear, normal, depth = leave_sphere(piece.x[p], x_start[p], shift, there, gap, 0.0)
             if depth > 0.0:
                 way = clear - piece.x[p]
                 length = float(np.linalg.norm(way))
                 normal = way / length if length > 0.1 * self.lift else normal
                 level = float(normal @ clear) - self.lift
                 lever = self.levers.get(p, np.zeros(3))
-                found[p] = Contact(float(self.grip[p]), normal, level, ride, lever)
+                found[p] = Contact(float(self.contact_stiffness[p]), normal, level, shift, lever)
         return found
 
     def _forces(
@@ -113,9 +113,11 @@ class SubSteps:
         for p, c in contacts.items():
             gap = c.level - float(piece.x[p] @ c.normal)
             if gap > 0.0:
-                anchor = x_start[p] + c.lever + c.ride
+                anchor = x_start[p] + c.lever + c.shift
                 apart = anchor - piece.x[p]
-                force[p] += c.grip * contact_force(apart, c.normal, gap, piece.friction)
+                force[p] += c.contact_stiffness * contact_force(
+                    apart, c.normal, gap, piece.friction
+                )
         for tie, goal, moved in ends:
             p = tie.particle
             force[p] += tie.spring * (goal - piece.x[p])
@@ -133,20 +135,20 @@ class SubSteps:
         keep = 1.0 / (1.0 + dt * piece.damping)
         push = keep * dt * piece.gravity
         x_start = piece.x.copy()
-        ride = piece.way(end) - piece.way(begin)
+        shift = piece.way(end) - piece.way(begin)
         fall = np.maximum(0.0, 2.0 * self.share - 1.0)[:, None]
         free_end = x_start[:f] + dt * (keep * piece.v[:f] + push)
         started = free_end - dt * (1.0 - fall) * push
         piece.x[:f] = started
-        piece.carry_pins(ride, dt)
+        piece.move_pins(shift, dt)
         ends = []
         for tie in self.ties:
             goal = tie.place + piece.way(end)
-            along = ride if begin > 0.0 else piece.x[tie.particle] - x_start[tie.particle]
+            along = shift if begin > 0.0 else piece.x[tie.particle] - x_start[tie.particle]
             ends.append((tie, goal, along))
             if tie.is_firm:
                 piece.x[tie.particle] = goal
-        contacts = self._touch(x_start, ride, end)
+        contacts = self._touch(x_start, shift, end)
         self._minimise(x_start, free_end, contacts, ends, dt, iterations)
         return self._velocities(x_start, free_end, started, contacts, push, dt)
 
@@ -165,7 +167,7 @@ class SubSteps:
         matrix = laplacian(self.elastic.edges, self.bound, len(piece.x))[:f, :f]
         matrix += np.diag(inertia)
         for p, c in contacts.items():
-            matrix[p, p] += c.grip
+            matrix[p, p] += c.contact_stiffness
         firm = [tie.particle for tie in self.ties if tie.is_firm]
         for tie in self.ties:
             matrix[tie.particle, tie.particle] += tie.spring + tie.damper / dt
@@ -213,10 +215,10 @@ class SubSteps:
             gap = c.level - float(piece.x[p] @ c.normal)
             if max(gap, c.level - float(started[p] @ c.normal)) > 0.0:
                 pressed += 1
-                leaving = max(float((piece.v[p] - c.ride / dt) @ c.normal), 0.0)
+                leaving = max(float((piece.v[p] - c.shift / dt) @ c.normal), 0.0)
                 piece.v[p] -= leaving * c.normal
             if gap > 0.0:
-                apart = x_start[p] + c.lever + c.ride - piece.x[p]
+                apart = x_start[p] + c.lever + c.shift - piece.x[p]
                 held = contact_force(apart, c.normal, gap, piece.friction)
                 self.levers[p] = held - gap * c.normal
         return pressed

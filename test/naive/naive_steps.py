@@ -56,7 +56,7 @@ class Piece:
         self.v[:f] = keep * self.v[:f] + push
         self.x[:f] += dt * self.v[:f]
 
-    def carry_pins(self, move: FloatArray, dt: float) -> None:
+    def move_pins(self, move: FloatArray, dt: float) -> None:
         """Pins, by so much [m]."""
         self.x[self.free :] += move
         self.v[self.free :] = move / dt
@@ -66,14 +66,14 @@ class Piece:
         pull_tethers(self.x, self.v, *self.tethers, rate)
 
     def meet(
-        self, x_start: FloatArray, ride: FloatArray, share: float
+        self, x_start: FloatArray, shift: FloatArray, share: float
     ) -> list[tuple[FloatArray, float]]:
         """Contact of the free particles with the sphere; the way out and depth of each."""
         there = (self.sphere, self.way(share), np.eye(3))
         found = []
         for p in range(self.free):
             self.x[p], normal, depth = leave_sphere(
-                self.x[p], x_start[p], ride, there, self.gap, self.friction
+                self.x[p], x_start[p], shift, there, self.gap, self.friction
             )
             found.append((normal, depth))
         return found
@@ -87,17 +87,17 @@ def relaxation_step(
     x_start = piece.x.copy()
     piece.fall(keep, keep * dt * piece.gravity, dt)
     x_predicted = piece.x.copy()
-    ride = piece.way(1.0) - piece.way(0.0)
-    piece.carry_pins(ride, dt)
+    shift = piece.way(1.0) - piece.way(0.0)
+    piece.move_pins(shift, dt)
     piece.x[:] = naive.correct_springs(piece.x, springs, rest_length, piece.inverse_mass, sweeps)
     piece.hold(0.0)
-    found = piece.meet(x_start, ride, 1.0)
+    found = piece.meet(x_start, shift, 1.0)
     f = piece.free
     piece.v[:f] = naive.update_velocities(
         *(piece.x[:f], piece.v[:f], x_start[:f], x_predicted[:f]),
         np.array([0 if depth > 0.0 else -1 for _, depth in found], np.int32),
         np.array([normal for normal, _ in found]),
-        *(np.hstack([np.zeros((3, 3)), ride[:, None]])[None], dt),
+        *(np.hstack([np.zeros((3, 3)), shift[:, None]])[None], dt),
     )
 
 
@@ -146,7 +146,7 @@ def xpbd_step(
     f, x, v = piece.free, piece.x, piece.v
     keep = 1.0 / (1.0 + dt * piece.damping)
     planes: dict[int, tuple[FloatArray, FloatArray]] = {}
-    grip = piece.friction if f < len(x) else 0.0
+    held_friction = piece.friction if f < len(x) else 0.0
     radius = float(piece.sphere.geometry["radius"])  # type: ignore[arg-type]
     bend_every, hinge_stiffness = bending(piece, elastic, count, every, dt)
     for s in range(count):
@@ -159,8 +159,8 @@ def xpbd_step(
             push = keep * dt * piece.gravity + (bent - v)[:f] / bend_every
         x_start = x.copy()
         piece.fall(keep, push, dt)
-        ride = piece.way((s + 1) / count) - piece.way(s / count)
-        piece.carry_pins(ride, dt)
+        shift = piece.way((s + 1) / count) - piece.way(s / count)
+        piece.move_pins(shift, dt)
         solved = naive_xpbd.solve_edges(
             *(x, elastic.edges, elastic.rest_length, elastic.stiffness),
             *(keep * piece.inverse_mass, dt, iterations, False),
@@ -170,20 +170,20 @@ def xpbd_step(
         piece.hold(1.0 / dt)
         if (s + 1) % every != 0 and s > 0:
             for p, (place, normal) in planes.items():
-                planes[p] = place + ride, normal
+                planes[p] = place + shift, normal
                 x[p], v[p] = touch_plane(
-                    x[p], v[p], x_start[p], place + ride, ride, normal, False, piece.friction, dt
+                    x[p], v[p], x_start[p], place + shift, shift, normal, False, piece.friction, dt
                 )
             continue
         if s > 0:
             for p, (place, normal) in planes.items():
                 x[p], v[p] = return_to_plane(
-                    x[p], v[p], x_start[p], place + ride, ride, normal, radius, grip, dt
+                    x[p], v[p], x_start[p], place + shift, shift, normal, radius, held_friction, dt
                 )
         before = x.copy()
-        found = piece.meet(x_start, ride, (s + 1) / count)
+        found = piece.meet(x_start, shift, (s + 1) / count)
         planes = {p: (x[p].copy(), n) for p, (n, depth) in enumerate(found) if depth > 0.0}
         for p, (_, normal) in planes.items():
             v[p] = stop_at_contact(
-                v[p], x[p] - before[p], ride / dt, normal, found[p][1], piece.friction
+                v[p], x[p] - before[p], shift / dt, normal, found[p][1], piece.friction
             )

@@ -15,7 +15,7 @@ from garment_sim_ros.geometry.transforms import transform_from
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.motion import (
-    carry_pins,
+    move_pins,
     predict,
     shift,
     to_file_order,
@@ -110,8 +110,8 @@ def test_carry_pins(seed):
     origin = position.mean(axis=0)
     x = singles(rng, 6, 3)
     before, v = x.copy(), np.zeros_like(x)
-    carry_pins(x, v, collider, local, position, orientation, origin, np.float32(0.5))
-    expected = naive.carry_pins(local, position[collider], orientation[collider]) - origin
+    move_pins(x, v, collider, local, position, orientation, origin, np.float32(0.5))
+    expected = naive.move_pins(local, position[collider], orientation[collider]) - origin
     assert x == pytest.approx(expected, rel=1e-6, abs=1e-6)
     assert v == pytest.approx((x - before) / 0.5, rel=1e-6)
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from naive import naive_layers
 
 from garment_sim_ros.geometry.topology import mesh_topology, triangles_across
-from garment_sim_ros.sim.layers.kernels import find_close_one_way, part_one_way
+from garment_sim_ros.sim.layers.kernels import find_close_one_way, separate_one_way
 from garment_sim_ros.sim.layers.nearest import find_triangles, take_from_neighbours
 from garment_sim_ros.sim.layers.pair import Meeting
 
@@ -118,7 +118,7 @@ def test_moves_as_the_twin_does(cloth, seed, side, way):
         pushed = before.copy()
         meets = meeting(*both, triangles, near, side, own, way, before.astype(np.float32))
         find_close_one_way(meets)
-        part_one_way(meets)
+        separate_one_way(meets)
         expected = naive_layers.separate(
             *(tuple(part) for part in twins),
             own,
@@ -156,7 +156,7 @@ def test_momentum_and_the_centre_of_mass_stay(cloth, seed):
     near = found(mine[0], other[0], triangles)
     meets = meeting(mine, other, triangles, near)
     find_close_one_way(meets)
-    part_one_way(meets)
+    separate_one_way(meets)
     assert meets.found[1] > 10
     after = [np.concatenate([a[k] / a[2][:, None] for a in (mine, other)]) for k in (0, 1)]
     for b, a, scale in zip(before, after, (1e-8, 1e-6)):

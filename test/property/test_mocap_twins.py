@@ -168,7 +168,7 @@ def test_a_walk_is_carried_on_by_whole_cycles(cycles, frame):
     cycle[:3, :3] = Rotation.from_euler("z", heading).as_matrix()
     cycle[:2, 3] = (last[:3, 3] - cycle[:3, :3] @ first[:3, 3])[:2]
     q = WALK.values[frame].copy()
-    RootMotion(WALK).carry(q, cycles)
+    RootMotion(WALK).advance(q, cycles)
     expected = np.linalg.matrix_power(cycle, cycles) @ root(WALK.values[frame])
     np.testing.assert_allclose(root(q), expected, atol=1e-9)
     np.testing.assert_array_equal(q[6:], WALK.values[frame, 6:])

@@ -153,7 +153,7 @@ def test_implicit(scene, iterations):
         for p, place, r in zip(who, attached.place, rate)
     ]
     twin = SubSteps(
-        *(piece, elastic, bound, ties, ready.grip.astype(np.float64), workspace.lift),
+        *(piece, elastic, bound, ties, ready.contact_stiffness.astype(np.float64), workspace.lift),
         *(dt / 0.2, share),
     )
     for s in range(count):

@@ -167,8 +167,8 @@ def test_planes(seed, dt, friction, searched):
     x[0], x_start[1], v[1] = touched_at[0], x[1], 0.0
     shape, normal, depth = contact_arrays(rng, n, m)
     carry = (0.005 * rng.normal(size=(m, 3, 4))).astype(np.float32)
-    place, ride = np.full((2, n, 3), 7.0, np.float32)
-    planes = Planes(shape, normal, depth, place, ride)
+    place, shift = np.full((2, n, 3), 7.0, np.float32)
+    planes = Planes(shape, normal, depth, place, shift)
     remember_planes(touched_at, x_start, planes, carry)
     inscribed_radius = rng.uniform(0.02, 0.3, m).astype(np.float32)
     expected = []

@@ -225,7 +225,7 @@ class TestSimulation:
 
     def test_it_goes_on_from_where_the_colliders_are(self):
         """Whoever brought them there, and whatever becomes of the poses given."""
-        for how in ("step", "advance", "carry", "reset"):
+        for how in ("step", "advance", "transport", "reset"):
             simulation = self.scene()
             poses = simulation.collider_set.poses()
             simulation.step(poses)

@@ -192,9 +192,9 @@ def test_lift_is_across_the_wind_and_has_a_side():
 def test_light_cloth_and_long_steps_stay_bounded():
     model = plate(areal_density=1e-3)
     state = State.at(model, model.rest[np.argsort(model.vertex)], np.zeros(3))
-    grip, wind = WindOnCloth(model), field(wind=(100.0, 0.0, 0.0))
+    blown, wind = WindOnCloth(model), field(wind=(100.0, 0.0, 0.0))
     for _ in range(50):
-        grip.blow(wind, state, np.zeros(3), 0.0, 0.1)
+        blown.blow(wind, state, np.zeros(3), 0.0, 0.1)
     # Particles of several triangles are pushed by each; what their mean overshoots comes back.
     assert state.v[:, 0].mean() == pytest.approx(100.0, rel=0.05)
     assert np.isfinite(state.v).all()
@@ -205,10 +205,10 @@ def test_still_air_takes_energy_and_adds_none():
     model = plate(areal_density=0.2, cells=8)
     state = State.at(model, model.rest[np.argsort(model.vertex)], np.zeros(3))
     state.v[:] = rng.normal(size=state.v.shape) * 3.0
-    grip, wind = WindOnCloth(model), field(wind_lift=0.4)
+    blown, wind = WindOnCloth(model), field(wind_lift=0.4)
     energy = [np.inf]
     for _ in range(200):
-        grip.blow(wind, state, np.zeros(3), 0.0, 1.0 / 180.0)
+        blown.blow(wind, state, np.zeros(3), 0.0, 1.0 / 180.0)
         energy.append(float((model.mass[:, None] * state.v**2).sum()))
         assert energy[-1] <= energy[-2] * (1.0 + 1e-6)
     assert energy[-1] < 0.7 * energy[1]
@@ -238,7 +238,7 @@ def test_plain_twin_also_far_from_the_origin(cloth, far):
     model = build_model("cloth", x, t, Material(), pins=np.array([0, 6], np.int32))
     f = wind_field(Environment(wind=(3.0, -1.0, 0.5), **GUSTS))
     origin = np.array([far, 0.0, 0.0])
-    grip = WindOnCloth(model)
+    blown = WindOnCloth(model)
     state = State.at(model, x, np.zeros(3))
     state.v[:] = rng.normal(size=x.shape)
     v = state.v.astype(np.float64)
@@ -246,12 +246,12 @@ def test_plain_twin_also_far_from_the_origin(cloth, far):
         f,
         state.x.astype(np.float64) + origin,
         v,
-        grip._triangles,
+        blown._triangles,
         model.inverse_mass.astype(np.float64),
         0.7,
         0.01,
     )
-    grip.blow(f, state, origin, 0.7, 0.01)
+    blown.blow(f, state, origin, 0.7, 0.01)
     # Single precision, and a cosine good to 4e-6 of the noise.
     assert state.v == pytest.approx(v, abs=2e-4)
     assert (state.v[model.free_count :] == v[model.free_count :]).all()

@@ -72,7 +72,7 @@ def test_what_lies_beyond_the_upper_sheet_may_turn_over_it(cloth):
         pair = LayerPair(under, over, inner, outer)
         pair.look()
         pair.find_close(1.0)
-        pair.part()
+        pair.separate()
         assert (inner.x[particle, 2] < 0.008) == belongs_under
 
 

@@ -114,7 +114,7 @@ def test_contacts_of_the_step_before_are_known(cloth, speed, rate, layers, limit
     # Sheets meet, and meet in the last sub-step, which is what could hide the contacts.
     assert all(pair.touch for pair in simulation.over(garments[-1].name))
     # What is put elsewhere knows nothing.
-    simulation.carry(at(13 * FRAME), at(20 * FRAME))
+    simulation.transport(at(13 * FRAME), at(20 * FRAME))
     simulation.advance(at(20 * FRAME), at(21 * FRAME))
     known = [garment.worn.workspace.known for garment in simulation]
     assert any(known) == (speed == 0.0)

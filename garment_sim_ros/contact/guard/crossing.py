@@ -3,7 +3,8 @@
 import numpy as np
 
 from garment_sim_ros.contact.guard.near import core, corner
-from garment_sim_ros.contact.guard.nearest import dot, less, nearest
+from garment_sim_ros.contact.guard.nearest import nearest
+from garment_sim_ros.geometry.vectors import dot, less
 from garment_sim_ros.jit import lean_kernel
 
 _TOUCHING = 1e-6

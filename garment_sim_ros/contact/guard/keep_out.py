@@ -22,7 +22,8 @@ from garment_sim_ros.contact.distance import shape_distance
 from garment_sim_ros.contact.guard.crossing import CROSSED, FOUND_IN, crossing, direction
 from garment_sim_ros.contact.guard.guard import TRACK
 from garment_sim_ros.contact.guard.near import core, corner, find_near, pose_cores
-from garment_sim_ros.contact.guard.nearest import along_segment, cross, dot, less, way_out
+from garment_sim_ros.contact.guard.nearest import along_segment, way_out
+from garment_sim_ros.geometry.vectors import cross, dot, less
 from garment_sim_ros.jit import kernel, lean_kernel
 
 _PASSES = 4
@@ -54,12 +55,12 @@ def _slow_down(guard, x_before, x, v, q, c, time):
     p1, d1 = core(guard.posed[1], c)
     start = corner(x_before, q)
     s, _ = along_segment(p0, d0, start)
-    ride = (
+    shift = (
         p1[0] + s * d1[0] - p0[0] - s * d0[0],
         p1[1] + s * d1[1] - p0[1] - s * d0[1],
         p1[2] + s * d1[2] - p0[2] - s * d0[2],
     )
-    way = less(less(corner(x, q), start), ride)
+    way = less(less(corner(x, q), start), shift)
     length = np.sqrt(dot(way, way))
     longest = max(guard.radius[c], _NO_PASS)
     if length <= longest:
@@ -67,8 +68,8 @@ def _slow_down(guard, x_before, x, v, q, c, time):
     guard.moved[q] = length - longest
     r, f = longest / length, 1.0 / time
     for axis in range(3):
-        x[q, axis] = start[axis] + ride[axis] + r * way[axis]
-        v[q, axis] = f * ride[axis] + r * (v[q, axis] - f * ride[axis])
+        x[q, axis] = start[axis] + shift[axis] + r * way[axis]
+        v[q, axis] = f * shift[axis] + r * (v[q, axis] - f * shift[axis])
 
 
 @lean_kernel(inner=True)
@@ -254,7 +255,7 @@ def _move(guard, contacts, x, c, t, m, way, g, h, whole):
 
 
 @lean_kernel(inner=True)
-def _part(guard, contacts, x_before, x, attempt):
+def _separate(guard, contacts, x_before, x, attempt):
     """One Gauss-Seidel pass over the pairs; how many triangles were moved."""
     moved = 0
     for n in range(guard.counts[1]):
@@ -319,7 +320,7 @@ def keep_out(guard, bodies, x_before, x_free, x, v, thickness, time):
     guard.counts[1] = find_near(guard, x)
     guard.counts[2] = 0
     for attempt in range(_PASSES):
-        moved = _part(guard, bodies.contacts, x_before, x, attempt)
+        moved = _separate(guard, bodies.contacts, x_before, x, attempt)
         if attempt == 0:
             guard.counts[2] = moved
         if moved == 0:

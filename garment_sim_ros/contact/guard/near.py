@@ -3,7 +3,8 @@
 import numpy as np
 
 from garment_sim_ros.contact.guard.guard import BLOCK, TRACK
-from garment_sim_ros.contact.guard.nearest import along_segment, dot, less
+from garment_sim_ros.contact.guard.nearest import along_segment
+from garment_sim_ros.geometry.vectors import dot, less
 from garment_sim_ros.jit import lean_kernel
 
 

@@ -2,31 +2,10 @@
 
 import numpy as np
 
+from garment_sim_ros.geometry.vectors import cross, dot, less
 from garment_sim_ros.jit import lean_kernel
 
 _PARALLEL = 1e-12
-
-
-@lean_kernel(inner=True)
-def dot(a, b):
-    """Scalar product."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@lean_kernel(inner=True)
-def cross(a, b):
-    """Vector product."""
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
-
-
-@lean_kernel(inner=True)
-def less(a, b):
-    """The vector a - b."""
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @lean_kernel(inner=True)

@@ -1,4 +1,4 @@
-"""The kind ``frame``: a place on a bone that attachments, skins and refitted shapes ride on."""
+"""The kind ``frame``: a place on a bone that attachments, skins and refitted shapes move with."""
 
 from garment_sim_ros.contact.kinds.kind import Kind
 

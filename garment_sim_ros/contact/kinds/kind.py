@@ -138,7 +138,7 @@ class Kind:
 
     @property
     def is_frame(self) -> bool:
-        """Whether nothing can be met: it is a place that others ride on."""
+        """Whether nothing can be met: it is a place that others move with."""
         return self.shape is None and not self.is_skin
 
     def variant_of(self, geometry: Geometry) -> str:

@@ -71,7 +71,7 @@ class SkinContact:
         if friction > 0.0 and len(held):
             n = normal[held]
             depth = np.einsum("ni,ni->n", (y - q)[held], n)
-            slip = (q - p - self._ride(y, triangle))[held]
+            slip = (q - p - self._shift(y, triangle))[held]
             slip -= np.einsum("ni,ni->n", slip, n)[:, None] * n
             length = np.linalg.norm(slip, axis=1)
             share = friction * np.maximum(depth, 0.0) / np.maximum(length, 1e-300)
@@ -81,14 +81,14 @@ class SkinContact:
             again = held[t >= 0]
             normal[again], triangle[again] = n[t >= 0], t[t >= 0]
         carry = np.zeros((len(x), 3, 4), np.float32)
-        carry[:, :, 3] = self._ride(y, triangle)
+        carry[:, :, 3] = self._shift(y, triangle)
         contacts.depth[:] = np.linalg.norm(y - x, axis=1)
         x[met] = y[met]
         contacts.normal[:] = normal
         contacts.shape[:] = np.where(met, np.arange(len(x)), -1)
         return int(met.sum()), carry
 
-    def _ride(self, points: FloatArray, triangle: IntArray) -> FloatArray:
+    def _shift(self, points: FloatArray, triangle: IntArray) -> FloatArray:
         """How far the skin under points has come in the step, zero where no triangle was met."""
         corners = self._mesh.triangles[np.maximum(triangle, 0)]
         a, b, c = self._end[corners].transpose(1, 0, 2)
@@ -99,6 +99,6 @@ class SkinContact:
         s = np.clip((vv * wu - uv * wv) / area2, 0.0, 1.0)
         t = np.clip((uu * wv - uv * wu) / area2, 0.0, 1.0 - s)
         moved = (self._end - self._start)[corners]
-        ride = (1.0 - s - t)[:, None] * moved[:, 0] + s[:, None] * moved[:, 1]
-        ride += t[:, None] * moved[:, 2]
-        return np.where((triangle >= 0)[:, None], ride, 0.0)
+        shift = (1.0 - s - t)[:, None] * moved[:, 0] + s[:, None] * moved[:, 1]
+        shift += t[:, None] * moved[:, 2]
+        return np.where((triangle >= 0)[:, None], shift, 0.0)

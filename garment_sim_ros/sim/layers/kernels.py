@@ -10,13 +10,13 @@ _WALK = 8
 """Triangles that a particle may pass in one step."""
 _MARGIN = np.float32(2.0)
 """Heights over the other garment, in thicknesses, at which particles may soon touch it."""
-PARTING_SPEED = 0.1
+SEPARATING_SPEED = 0.1
 """How fast garments that are through each other come apart [m/s]."""
 PATIENCE = np.float32(2.0)
-"""Ways of parting, in reaches, over which it gets weaker; what is then still through is left."""
+"""Ways, in reaches, over which separating gets weaker; what is then still through is left."""
 _RELIEF = np.float32(0.25)
 """Patience that comes back where a particle is on its side, as a share of what it cost."""
-_FAST = np.float32(5.0 * PARTING_SPEED)
+_FAST = np.float32(5.0 * SEPARATING_SPEED)
 """Particles faster than this [m/s] may come free by themselves, and are parted anew."""
 
 
@@ -137,8 +137,8 @@ def find_close_one_way(meeting):
     outside faces the body: pushed to its side of the one, it would be on the wrong side of the
     other, and both would shake for ever.
 
-    What is parted there for a while already is left as it is: switched on and off, parting would
-    never let it rest.
+    What is separated there for a while already is left as it is: switched on and off, separating
+    would never let it rest.
 
     Args:
         meeting: `layers.pair.Meeting`; `near`, `close`, `plane`, `found` and `pushed` are changed
@@ -155,7 +155,7 @@ def find_close_one_way(meeting):
 
 
 @lean_kernel(forceinline=True)
-def part_one_way(meeting):
+def separate_one_way(meeting):
     """Moves particles to their side of another garment, and that garment away from them.
 
     Where one that is `close` is less than the thickness on its side, it and the triangle's corners
@@ -244,7 +244,7 @@ def find_close(one_way, other_way):
 
 
 @lean_kernel()
-def part(one_way, other_way):
-    """`part_one_way` for both."""
-    part_one_way(one_way)
-    part_one_way(other_way)
+def separate(one_way, other_way):
+    """`separate_one_way` for both."""
+    separate_one_way(one_way)
+    separate_one_way(other_way)

@@ -20,7 +20,7 @@ from garment_sim_ros.arrays import IntArray, SingleArray
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology, triangles_across
 from garment_sim_ros.jit import compiled
-from garment_sim_ros.sim.layers.kernels import PARTING_SPEED, find_close, part
+from garment_sim_ros.sim.layers.kernels import SEPARATING_SPEED, find_close, separate
 from garment_sim_ros.sim.layers.nearest import find_triangles, take_from_neighbours
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.state import State
@@ -55,7 +55,7 @@ class Meeting(NamedTuple):
         plane: Normal of the triangle near to each of those, to its side, and the weights of the
             last two corners at the closest point, shape [n, 5].
         found: How many are close, how many of them touched, and how many particles stay through
-            the other garment, as parting did not help, shape [3].
+            the other garment, as separating did not help, shape [3].
         side: 1 where the particles belong outside the other garment, -1 where inside.
         thickness: Distance to keep [m].
         friction: Coulomb coefficient.
@@ -144,7 +144,7 @@ class LayerPair:
 
     @property
     def touch(self) -> bool:
-        """Whether particles of the one touched the other when they were parted last."""
+        """Whether particles of the one touched the other when they were separated last."""
         return any(meeting.found[1] > 0 for meeting in self._meetings)
 
     def look(self) -> None:
@@ -166,14 +166,17 @@ class LayerPair:
         self._steps += 1
 
     def find_close(self, dt: float) -> None:
-        """Finds what `part` shall look at until the next time, in sub-steps of dt [s]."""
+        """Finds what `separate` shall look at until the next time, in sub-steps of dt [s]."""
         for meeting in self._meetings:
-            meeting.way[0] = PARTING_SPEED * dt
+            meeting.way[0] = SEPARATING_SPEED * dt
         if self._code is None:
-            self._code = (compiled(find_close, *self._meetings), compiled(part, *self._meetings))
+            self._code = (
+                compiled(find_close, *self._meetings),
+                compiled(separate, *self._meetings),
+            )
         self._code[0](*self._meetings)
 
-    def part(self) -> None:
+    def separate(self) -> None:
         """Moves both apart where they touch or cross, in a sub-step."""
         assert self._code is not None
         self._code[1](*self._meetings)

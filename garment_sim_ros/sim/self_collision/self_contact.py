@@ -217,7 +217,7 @@ def _ease(lying, p, share, normal):
 
 
 @lean_kernel(inner=True)
-def _part(x, v, lying, four, share, normal, depth, friction):
+def _separate(x, v, lying, four, share, normal, depth, friction):
     """Moves four particles apart along a direction.
 
     The push keeps the centre of mass; closing velocity is taken away, and slip as far as
@@ -257,8 +257,8 @@ def _part(x, v, lying, four, share, normal, depth, friction):
     uy -= along * ny
     uz -= along * nz
     slip = np.sqrt(ux * ux + uy * uy + uz * uz)
-    grip = friction * max(-along, _ZERO)
-    held = _ONE if slip <= grip else grip / slip
+    limit = friction * max(-along, _ZERO)
+    held = _ONE if slip <= limit else limit / slip
     jx = -(along * nx + held * ux) / total
     jy = -(along * ny + held * uy) / total
     jz = -(along * nz + held * uz) / total
@@ -290,7 +290,7 @@ def _part_points(before, x, v, lying, tangled, pairs, friction):
         if not depth > _ZERO or (tangled[p] and (tangled[i] or tangled[j] or tangled[k])):
             continue
         share = _ONE, b + c - _ONE, -b, -c
-        if _part(x, v, lying, (p, i, j, k), share, normal, depth, friction):
+        if _separate(x, v, lying, (p, i, j, k), share, normal, depth, friction):
             touched += 1
             through += passed
     return touched, through
@@ -306,7 +306,7 @@ def _part_edges(before, x, v, lying, tangled, pairs, friction):
         if not depth > _ZERO or ((tangled[a] or tangled[b]) and (tangled[c] or tangled[d])):
             continue
         share = s - _ONE, -s, _ONE - t, t
-        if _part(x, v, lying, (a, b, c, d), share, normal, depth, friction):
+        if _separate(x, v, lying, (a, b, c, d), share, normal, depth, friction):
             touched += 1
             through += passed
     return touched, through

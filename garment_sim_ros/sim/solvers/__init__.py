@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from garment_sim_ros.constants import USUAL_STEP
 from garment_sim_ros.params import ImplicitSettings, RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.model import ClothModel, Parameters
 from garment_sim_ros.sim.piece import Piece, Step
@@ -49,7 +50,7 @@ SOLVERS: Mapping[str, Solver] = {
         solve=relaxation.solve,
         meet=relaxation.meet,
         finish=relaxation.finish,
-        usual_step=1 / 180,
+        usual_step=USUAL_STEP,
     ),
     "xpbd": Solver(
         workspace=xpbd.XpbdWorkspace.room_for,

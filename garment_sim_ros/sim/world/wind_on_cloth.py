@@ -30,7 +30,7 @@ _X, _Y, _Z, _U, _V, _W = (_BLOCK * row for row in range(6))
 
 
 class WindOnCloth:
-    """The wind's grip on one garment.
+    """The wind on one garment.
 
     Args:
         model: The garment.
@@ -179,10 +179,10 @@ def blow(x, v, triangles, inverse_mass, velocity, gust, pressure, dt):
         if not speed > _SLOW:
             continue
         across = (ux * nx + uy * ny + uz * nz) / speed  # cosine of the angle of attack
-        grip = doubled * speed * abs(across)
-        k = pressure[0] * grip  # 0.5 rho A |u| |cos|, times u the force
+        flow = doubled * speed * abs(across)
+        k = pressure[0] * flow  # 0.5 rho A |u| |cos|, times u the force
         # The side that the wind comes out of, less its part along the wind, gives the lift.
-        strength = pressure[1] * grip * speed
+        strength = pressure[1] * flow * speed
         side = np.copysign(strength, across)
         along = k - strength * abs(across) / speed
         # A third of the force goes to each corner; together they move like share / 9 per force.

@@ -42,15 +42,15 @@ def take_hold(x, x_start, cloth, met, hold):
             the surface in the sub-step is more than a part of the shape's inscribed radius.
         hold: `solvers.implicit.given.Hold`, changed in place.
     """
-    x_clear, grip = cloth.clear, cloth.grip
+    x_clear, stiffness = cloth.clear, cloth.contact_stiffness
     contacts, carry, inner, lift, swift = met.contacts, met.carry, met.inner, met.lift, met.swift
     zero = np.float32(0.0)
     for p in range(x.shape[0]):
         c = contacts.shape[p]
         if c < 0:
-            hold.grip[p] = zero
+            hold.stiffness[p] = zero
             continue
-        if hold.grip[p] == zero:
+        if hold.stiffness[p] == zero:
             hold.lever[p] = zero
         dx = x_clear[p, 0] - x[p, 0]
         dy = x_clear[p, 1] - x[p, 1]
@@ -68,16 +68,16 @@ def take_hold(x, x_start, cloth, met, hold):
         sx, sy, sz = x_start[p, 0], x_start[p, 1], x_start[p, 2]
         for k in range(3):
             level += hold.normal[p, k] * x_clear[p, k]
-            hold.ride[p, k] = (
+            hold.shift[p, k] = (
                 carry[c, k, 0] * sx + carry[c, k, 1] * sy + carry[c, k, 2] * sz + carry[c, k, 3]
             )
-            moved_with += hold.ride[p, k] * hold.ride[p, k]
+            moved_with += hold.shift[p, k] * hold.shift[p, k]
         # Few values, so that the matrix seldom changes.
         stiffer = np.float32(1.0)
         give = max(lift, _GIVE * inner[c])
         while stiffer < min(swift * np.sqrt(moved_with) / give, _STIFFEST):
             stiffer *= np.float32(4.0)
-        hold.grip[p] = stiffer * grip[p]
+        hold.stiffness[p] = stiffer * stiffness[p]
         hold.level[p] = level
 
 
@@ -95,7 +95,7 @@ def update_diagonal(base, place, owner, hold, diagonal, changed):
     """
     for p in range(place.size):
         q = place[p]
-        now = base[q] + np.float64(hold.grip[p])
+        now = base[q] + np.float64(hold.stiffness[p])
         if now != diagonal[q]:
             diagonal[q] = now
             changed[owner[q]] = True

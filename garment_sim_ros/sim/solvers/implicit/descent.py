@@ -3,7 +3,7 @@
 import numpy as np
 
 from garment_sim_ros.jit import kernel
-from garment_sim_ros.sim.motion import carry_pins
+from garment_sim_ros.sim.motion import move_pins
 from garment_sim_ros.sim.solvers.implicit.cholesky import factorise
 from garment_sim_ros.sim.solvers.implicit.contact import take_hold, update_diagonal
 from garment_sim_ros.sim.solvers.implicit.forces import (
@@ -80,12 +80,12 @@ def minimise(moving, ties, cloth, friction, hold, past, iterations):
 
 
 @kernel()
-def begin_sub_step(moving, riding, push, keep, dt):
-    """Free particles coast and fall, pinned ones ride.
+def begin_sub_step(moving, pins, push, keep, dt):
+    """Free particles coast and fall, pinned ones move with their colliders.
 
     Args:
         moving: `Moving`; all but the velocities of free particles is changed in place.
-        riding: `Riding`.
+        pins: `PinFrames`.
         push: Velocity that outer forces add in the sub-step [m/s], shape [3].
         keep: Part of velocity that is kept.
         dt: Sub-step [s].
@@ -93,14 +93,14 @@ def begin_sub_step(moving, riding, push, keep, dt):
     x, v, x_start, free = moving.x, moving.v, moving.x_start, moving.share.size
     predict_with_share(x[:free], v[:free], x_start, moving.behind, moving.share, push, keep, dt)
     x_start[free:] = x[free:]
-    carry_pins(
+    move_pins(
         x[free:],
         v[free:],
-        riding.collider,
-        riding.place,
-        riding.position,
-        riding.orientation,
-        riding.origin,
+        pins.collider,
+        pins.place,
+        pins.position,
+        pins.orientation,
+        pins.origin,
         dt,
     )
 

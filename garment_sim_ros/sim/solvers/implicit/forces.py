@@ -168,18 +168,18 @@ def add_inertia_and_contact(x, x_start, behind, place, inertia, friction, hold, 
         fx = m * behind[p, 0]
         fy = m * behind[p, 1]
         fz = m * behind[p, 2]
-        grip = hold.grip[p]
-        if grip > zero:
+        stiffness = hold.stiffness[p]
+        if stiffness > zero:
             nx, ny, nz = hold.normal[p, 0], hold.normal[p, 1], hold.normal[p, 2]
             gap = hold.level[p] - (x[p, 0] * nx + x[p, 1] * ny + x[p, 2] * nz)
             if gap > zero:
-                ux = x_start[p, 0] - x[p, 0] + hold.lever[p, 0] + hold.ride[p, 0]
-                uy = x_start[p, 1] - x[p, 1] + hold.lever[p, 1] + hold.ride[p, 1]
-                uz = x_start[p, 2] - x[p, 2] + hold.lever[p, 2] + hold.ride[p, 2]
+                ux = x_start[p, 0] - x[p, 0] + hold.lever[p, 0] + hold.shift[p, 0]
+                uy = x_start[p, 1] - x[p, 1] + hold.lever[p, 1] + hold.shift[p, 1]
+                uz = x_start[p, 2] - x[p, 2] + hold.lever[p, 2] + hold.shift[p, 2]
                 ux, uy, uz = on_the_cone(ux, uy, uz, nx, ny, nz, gap, friction)
-                fx += grip * ux
-                fy += grip * uy
-                fz += grip * uz
+                fx += stiffness * ux
+                fy += stiffness * uy
+                fz += stiffness * uz
         force[0, q] += fx
         force[1, q] += fy
         force[2, q] += fz

@@ -18,18 +18,18 @@ class Hold(NamedTuple):
     """Contacts as springs, one for each free particle.
 
     Attributes:
-        grip: Stiffness, 0 for none [N/m], shape [free].
+        stiffness: Stiffness, 0 for none [N/m], shape [free].
         normal: The way out, shape [free, 3].
         level: How far along it the surface is from the local origin [m], shape [free].
         lever: From the particle to its anchor along the surface [m], shape [free, 3].
-        ride: How far the surface moves in a sub-step [m], shape [free, 3].
+        shift: How far the surface moves in a sub-step [m], shape [free, 3].
     """
 
-    grip: SingleArray
+    stiffness: SingleArray
     normal: SingleArray
     level: SingleArray
     lever: SingleArray
-    ride: SingleArray
+    shift: SingleArray
 
 
 class Moving(NamedTuple):
@@ -50,8 +50,8 @@ class Moving(NamedTuple):
     share: SingleArray
 
 
-class Riding(NamedTuple):
-    """What pinned particles ride on.
+class PinFrames(NamedTuple):
+    """Colliders that pinned particles move with.
 
     Attributes:
         collider: Collider of each pin, shape [p].
@@ -184,7 +184,7 @@ class Cloth(NamedTuple):
         front: Scratch.
         update: What fronts add to their parents.
         factor: The factor.
-        grip: Stiffness of a contact [N/m], shape [free].
+        contact_stiffness: Stiffness of a contact [N/m], shape [free].
         clear: Scratch of a search, shape [n, 3].
         scratch: Scratch of a solution.
     """
@@ -207,6 +207,6 @@ class Cloth(NamedTuple):
     front: FloatArray
     update: FloatArray
     factor: SingleArray
-    grip: SingleArray
+    contact_stiffness: SingleArray
     clear: SingleArray
     scratch: SingleArray

@@ -16,17 +16,17 @@ import math
 
 import numpy as np
 
+from garment_sim_ros.constants import GRAVITY
 from garment_sim_ros.contact.collide import collide
 from garment_sim_ros.contact.sweep import sweep
 from garment_sim_ros.params import ImplicitSettings
 from garment_sim_ros.sim.colliders import ColliderState
-from garment_sim_ros.sim.elasticity import GRAVITY
 from garment_sim_ros.sim.holds.tether_kernels import pull_tethers
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.motion import damping_rate, measure_motion, outer_forces
 from garment_sim_ros.sim.piece import Piece, Step
 from garment_sim_ros.sim.solvers.implicit.descent import begin_sub_step, find_positions, keep_up
-from garment_sim_ros.sim.solvers.implicit.given import Met, Moving, Riding
+from garment_sim_ros.sim.solvers.implicit.given import Met, Moving, PinFrames
 from garment_sim_ros.sim.solvers.implicit.ties import begin_ties
 from garment_sim_ros.sim.solvers.implicit.velocities import new_velocities
 from garment_sim_ros.sim.solvers.implicit.workspace import ImplicitWorkspace
@@ -50,7 +50,7 @@ def begin(piece: Piece, step: Step) -> bool:
     workspace.keep = outer_forces(model, step.params, step.dt, workspace.push)
     workspace.prepare(model, step.dt, damping_rate(model.material))
     if not step.colliders.goes_on:
-        workspace.hold.grip[:] = 0.0  # Put somewhere else: what was touched is gone.
+        workspace.hold.stiffness[:] = 0.0  # Put somewhere else: what was touched is gone.
     return True
 
 
@@ -138,7 +138,7 @@ def _predict(piece: Piece, step: Step) -> None:
     assert ties is not None
     begin_sub_step(
         _moving(piece),
-        Riding(
+        PinFrames(
             collider=model.pin_collider,
             place=model.pin_position,
             position=now.position,

@@ -39,7 +39,7 @@ def new_velocities(x, v, x_start, behind, friction, push, keep, dt, blend, share
     total = 0.0
     fastest = zero
     for p in range(x.shape[0]):
-        grip = hold.grip[p]
+        stiffness = hold.stiffness[p]
         nx, ny, nz = hold.normal[p, 0], hold.normal[p, 1], hold.normal[p, 2]
         level = hold.level[p]
         fall = falls(share[p])
@@ -54,23 +54,23 @@ def new_velocities(x, v, x_start, behind, friction, push, keep, dt, blend, share
         now = min(one, max(zero, gained / squared)) if squared > zero else one
         now = share[p] + blend * (now - share[p])
         share[p] = now if now >= zero else one  # Also after something that was not a number.
-        if grip > zero:
+        if stiffness > zero:
             gap = hold.level[p] - (x[p, 0] * nx + x[p, 1] * ny + x[p, 2] * nz)
             if max(gap, level) > zero:
                 touching += 1
                 leaving = (
-                    (v[p, 0] - rate * hold.ride[p, 0]) * nx
-                    + (v[p, 1] - rate * hold.ride[p, 1]) * ny
-                    + (v[p, 2] - rate * hold.ride[p, 2]) * nz
+                    (v[p, 0] - rate * hold.shift[p, 0]) * nx
+                    + (v[p, 1] - rate * hold.shift[p, 1]) * ny
+                    + (v[p, 2] - rate * hold.shift[p, 2]) * nz
                 )
                 leaving = max(leaving, zero)
                 v[p, 0] -= leaving * nx
                 v[p, 1] -= leaving * ny
                 v[p, 2] -= leaving * nz
             if gap > zero:
-                ux = x_start[p, 0] - x[p, 0] + hold.lever[p, 0] + hold.ride[p, 0]
-                uy = x_start[p, 1] - x[p, 1] + hold.lever[p, 1] + hold.ride[p, 1]
-                uz = x_start[p, 2] - x[p, 2] + hold.lever[p, 2] + hold.ride[p, 2]
+                ux = x_start[p, 0] - x[p, 0] + hold.lever[p, 0] + hold.shift[p, 0]
+                uy = x_start[p, 1] - x[p, 1] + hold.lever[p, 1] + hold.shift[p, 1]
+                uz = x_start[p, 2] - x[p, 2] + hold.lever[p, 2] + hold.shift[p, 2]
                 ux, uy, uz = on_the_cone(ux, uy, uz, nx, ny, nz, gap, friction)
                 hold.lever[p, 0] = ux - gap * nx
                 hold.lever[p, 1] = uy - gap * ny

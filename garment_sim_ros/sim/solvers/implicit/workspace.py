@@ -6,8 +6,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
+from garment_sim_ros.constants import GRAVITY
 from garment_sim_ros.sim.elasticity import (
-    GRAVITY,
     Hinges,
     edge_stiffness,
     hinges,
@@ -163,16 +163,16 @@ class ImplicitWorkspace(Workspace):
                 front=np.zeros(fronts.widest**2),
                 update=np.zeros(int(fronts.update_start[-1])),
                 factor=np.zeros(int(fronts.factor_start[-1]), np.float32),
-                grip=np.zeros(n, np.float32),
+                contact_stiffness=np.zeros(n, np.float32),
                 clear=np.zeros((len(model), 3), np.float32),
                 scratch=np.zeros(fronts.widest, np.float32),
             ),
             hold=Hold(
-                grip=np.zeros(n, np.float32),
+                stiffness=np.zeros(n, np.float32),
                 normal=np.zeros((n, 3), np.float32),
                 level=np.zeros(n, np.float32),
                 lever=np.zeros((n, 3), np.float32),
-                ride=np.zeros((n, 3), np.float32),
+                shift=np.zeros((n, 3), np.float32),
             ),
             past=Past.room_for(n),
             ties=None,
@@ -189,7 +189,7 @@ class ImplicitWorkspace(Workspace):
         cloth, mass = self.cloth, model.mass[: model.free_count]
         cloth.inertia[:] = mass * ((1.0 + dt * rate) / dt**2)
         cloth.base[cloth.place] = cloth.inertia + self.pull
-        cloth.grip[:] = mass * (GRAVITY * _WEIGHTS / self.sink)
+        cloth.contact_stiffness[:] = mass * (GRAVITY * _WEIGHTS / self.sink)
         cloth.changed[:] = True
         self.prepared_for = (dt, rate)
         self.ties = ties = Ties.of(self.attached)

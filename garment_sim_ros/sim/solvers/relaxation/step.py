@@ -13,8 +13,8 @@ from garment_sim_ros.contact.sweep import sweep
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.motion import (
-    carry_pins,
     measure_motion,
+    move_pins,
     outer_forces,
     predict,
     update_velocities,
@@ -79,7 +79,7 @@ def _predict(piece: Piece, colliders: ColliderState, h: np.float32) -> None:
         np.float32(workspace.keep),
         h,
     )
-    carry_pins(
+    move_pins(
         state.x[free:],
         state.v[free:],
         model.pin_collider,

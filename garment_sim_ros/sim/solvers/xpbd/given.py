@@ -91,14 +91,14 @@ class Planes(NamedTuple):
         normal: Outward normal there, shape [f, 3].
         depth: How deep it was [m], infinite where shapes press it from two sides, shape [f].
         place: A point of each plane [m], shape [f, 3].
-        ride: How far that moves in a sub-step [m], shape [f, 3].
+        shift: How far that moves in a sub-step [m], shape [f, 3].
     """
 
     shape: IntArray
     normal: SingleArray
     depth: SingleArray
     place: SingleArray
-    ride: SingleArray
+    shift: SingleArray
 
 
 class Bodies(NamedTuple):
@@ -133,7 +133,8 @@ class Rule(NamedTuple):
         pull: Velocity that outer forces add in a sub-step [m/s], shape [3].
         thickness: Distance to keep from surfaces [m].
         friction: Coulomb coefficient.
-        grip: The same in cloth that something else holds, 0 in loose cloth; see `xpbd.planes`.
+        held_friction: The same in cloth that something else holds, 0 in loose cloth; see
+            `xpbd.planes`.
         iterations: Passes over the edges in each sub-step.
         bend_every: Sub-steps for each pass over the hinges.
         search_every: Sub-steps for each search for contacts.
@@ -146,7 +147,7 @@ class Rule(NamedTuple):
     pull: SingleArray
     thickness: np.float32
     friction: np.float32
-    grip: np.float32
+    held_friction: np.float32
     iterations: int
     bend_every: int
     search_every: int

@@ -35,11 +35,11 @@ def remember_planes(x, x_start, planes, carry):
         if c >= 0:
             for k in range(3):
                 place[p, k] = x[p, k]
-    ride_on(x_start, shape, carry, planes.ride)
+    follow_shapes(x_start, shape, carry, planes.shift)
 
 
 @kernel(inner=True)
-def ride_on(x, shape, carry, ride):
+def follow_shapes(x, shape, carry, shift):
     """How far the planes of particles at x move in a sub-step.
 
     Shapes change their motion from one step to the next.
@@ -48,13 +48,13 @@ def ride_on(x, shape, carry, ride):
         x: Positions at the start of the sub-step [m], shape [n, 3].
         shape: Shape that each touches, -1 for none, shape [n].
         carry: As in `remember_planes`.
-        ride: Output, how far the plane moves [m], shape [n, 3].
+        shift: Output, how far the plane moves [m], shape [n, 3].
     """
     for p in range(shape.size):
         c = shape[p]
         if c >= 0:
             for k in range(3):
-                ride[p, k] = (
+                shift[p, k] = (
                     carry[c, k, 0] * x[p, 0]
                     + carry[c, k, 1] * x[p, 1]
                     + carry[c, k, 2] * x[p, 2]
@@ -77,7 +77,7 @@ def touch_planes(x, v, x_start, planes, friction, dt):
         dt: Sub-step [s].
     """
     shape, normal, pressed = planes.shape, planes.normal, planes.depth
-    place, ride = planes.place, planes.ride
+    place, shift = planes.place, planes.shift
     zero = np.float32(0.0)
     rate = np.float32(1.0) / dt
     for p in range(shape.size):
@@ -86,9 +86,9 @@ def touch_planes(x, v, x_start, planes, friction, dt):
         nx = normal[p, 0]
         ny = normal[p, 1]
         nz = normal[p, 2]
-        rx = ride[p, 0]
-        ry = ride[p, 1]
-        rz = ride[p, 2]
+        rx = shift[p, 0]
+        ry = shift[p, 1]
+        rz = shift[p, 2]
         place[p, 0] += rx
         place[p, 1] += ry
         place[p, 2] += rz
@@ -125,7 +125,7 @@ def return_to_planes(x, v, x_start, planes, inscribed_radius, friction, dt):
         dt: Likewise.
     """
     shape, normal, pressed = planes.shape, planes.normal, planes.depth
-    place, ride = planes.place, planes.ride
+    place, shift = planes.place, planes.shift
     zero = np.float32(0.0)
     rate = np.float32(1.0) / dt
     for p in range(shape.size):
@@ -135,9 +135,9 @@ def return_to_planes(x, v, x_start, planes, inscribed_radius, friction, dt):
         nx = normal[p, 0]
         ny = normal[p, 1]
         nz = normal[p, 2]
-        rx = ride[p, 0]
-        ry = ride[p, 1]
-        rz = ride[p, 2]
+        rx = shift[p, 0]
+        ry = shift[p, 1]
+        rz = shift[p, 2]
         depth = (
             (place[p, 0] + rx - x[p, 0]) * nx
             + (place[p, 1] + ry - x[p, 1]) * ny

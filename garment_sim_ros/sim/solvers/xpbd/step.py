@@ -152,7 +152,7 @@ def _own(piece: Piece, workspace: XpbdWorkspace) -> tuple[Particles, Elastic, Pl
         normal=workspace.contacts.normal,
         depth=workspace.contacts.depth,
         place=workspace.place,
-        ride=workspace.ride,
+        shift=workspace.shift,
     )
     return own, elastic, planes
 
@@ -189,7 +189,7 @@ def _rule(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Rule:
         pull=workspace.push,
         thickness=np.float32(max(model.material.thickness, step.colliders.thickness)),
         friction=friction,
-        grip=friction if held else np.float32(0.0),
+        held_friction=friction if held else np.float32(0.0),
         iterations=settings.iterations,
         bend_every=workspace.bend_every,
         search_every=step.search_every,

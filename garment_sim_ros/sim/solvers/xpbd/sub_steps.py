@@ -12,15 +12,15 @@ from garment_sim_ros.contact.sweep import sweep
 from garment_sim_ros.geometry.copying import copy
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.sim.holds.tether_kernels import pull_attached
-from garment_sim_ros.sim.motion import carry_pins, glide
+from garment_sim_ros.sim.motion import glide, move_pins
 from garment_sim_ros.sim.solvers.xpbd.coarse_kernels import pull_cells
 from garment_sim_ros.sim.solvers.xpbd.edges import solve_edges, solve_edges_apart
 from garment_sim_ros.sim.solvers.xpbd.hinges import bend
 from garment_sim_ros.sim.solvers.xpbd.motion import arrive, coast, fall, gain, share_out
 from garment_sim_ros.sim.solvers.xpbd.planes import (
+    follow_shapes,
     remember_planes,
     return_to_planes,
-    ride_on,
     stop_at_contacts,
     touch_planes,
 )
@@ -137,14 +137,14 @@ def solve(own, elastic, frames, planes, rule, first, last, searches):
     free, dt = rule.free, rule.dt
     flat, moved = own.x.reshape(-1), own.x_predicted.reshape(-1)
     if first == 0 and own.flags[_KNOWN]:
-        ride_on(own.x_search, planes.shape, frames.carry, planes.ride)
+        follow_shapes(own.x_search, planes.shape, frames.carry, planes.shift)
     for s in range(first, last):
         slot = s % rule.search_every
         if s % rule.bend_every == 0:
             _bend(own, elastic.ready, rule)
         position, orientation = frames.position[slot], frames.orientation[slot]
         _predict(own, rule, moved)
-        carry_pins(
+        move_pins(
             own.x[free:],
             own.v[free:],
             elastic.pin_collider,
@@ -203,7 +203,9 @@ def meet(own, bodies, planes, rule, has_planes):
     x, v, x_start = own.x[:free], own.v[:free], own.x_start[:free]
     if has_planes:
         _leave_to_guard(planes.shape, bodies.guard.kept)
-        return_to_planes(x, v, x_start, planes, bodies.way.inscribed_radius, rule.grip, dt)
+        return_to_planes(
+            x, v, x_start, planes, bodies.way.inscribed_radius, rule.held_friction, dt
+        )
     sweep(
         bodies.shapes,
         bodies.since,

@@ -44,7 +44,7 @@ class XpbdWorkspace(Workspace):
             contacts, whether there is a coarse level, and the sub-steps of a step.
         bend_every: Sub-steps for each pass over the hinges, see `prepare`.
         place: Points of the planes in which particles touch shapes [m], shape [free, 3].
-        ride: How far those move in a sub-step [m], shape [free, 3].
+        shift: How far those move in a sub-step [m], shape [free, 3].
         x_end: Positions at the end of the last step [m], shape [n, 3].
         low: What these are short of by rounding [m], shape [3 free].
         push_all: Velocity that outer forces and bending add in a sub-step [m/s], shape [3 free].
@@ -69,7 +69,7 @@ class XpbdWorkspace(Workspace):
     prepared_for: tuple[float, float, int, bool, int]
     bend_every: int
     place: SingleArray
-    ride: SingleArray
+    shift: SingleArray
     x_end: SingleArray
     low: SingleArray
     push_all: SingleArray
@@ -116,7 +116,7 @@ class XpbdWorkspace(Workspace):
             prepared_for=(0.0, 0.0, 0, False, 0),
             bend_every=1,
             place=np.zeros((model.free_count, 3), np.float32),
-            ride=np.zeros((model.free_count, 3), np.float32),
+            shift=np.zeros((model.free_count, 3), np.float32),
             x_end=np.full((len(model), 3), np.nan, np.float32),
             low=np.zeros(3 * model.free_count, np.float32),
             push_all=np.zeros(3 * model.free_count, np.float32),
