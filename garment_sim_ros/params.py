@@ -184,11 +184,7 @@ class MocapPlayerParameters:
         "YAML file that maps humanoid bones to joints of the BVH file; empty: recognised by name.",
     )
     rate: float = parameter(
-        0.0,
-        "Messages per second; 0: the rate of the clip.",
-        unit="Hz",
-        minimum=0.0,
-        maximum=1000.0,
+        0.0, "Messages per second; 0: as the clip.", unit="Hz", minimum=0.0, maximum=1000.0
     )
     speed: float = parameter(
         1.0,
