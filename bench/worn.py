@@ -30,6 +30,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from jumps import JumpMeter
 
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
@@ -43,7 +44,6 @@ from garment_sim_ros.garment.outfit_file import read_outfit
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import ClipSampler
 from garment_sim_ros.params import ClothNodeParameters
-from garment_sim_ros.recording.jumps import JumpMeter
 from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh
 from garment_sim_ros.recording.own_sides import OwnSides
 from garment_sim_ros.recording.previews import Figure, Look, moments

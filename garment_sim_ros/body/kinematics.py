@@ -83,11 +83,6 @@ class ForwardKinematics:
             self._T_root[:] = T_world_root
 
 
-def world_from_dofs(rig: Rig, q: FloatArray, T_world_root: FloatArray | None = None) -> FloatArray:
-    """A new array of world transforms; see `ForwardKinematics.from_dofs`."""
-    return ForwardKinematics(rig).from_dofs(q, T_world_root)
-
-
 def world_from_local(
     rig: Rig, T_local: FloatArray, T_world_root: FloatArray | None = None
 ) -> FloatArray:

@@ -6,7 +6,6 @@ import pytest
 from garment_sim_ros.body.kinematics import (
     ForwardKinematics,
     followed_channels,
-    world_from_dofs,
 )
 from garment_sim_ros.body.rig import ROTATION, Dofs, Rig
 from garment_sim_ros.errors import GeometryError
@@ -37,7 +36,7 @@ def chain(mimic_source, multiplier, offset):
 
 def test_a_follower_of_a_follower_composes_and_ignores_its_own_value():
     rig = chain([-1, 0, 1], [1.0, 2.0, -1.0], [0.0, 0.1, 0.2])
-    T = world_from_dofs(rig, np.array([0.3, 99.0, np.nan]))
+    T = ForwardKinematics(rig).from_dofs(np.array([0.3, 99.0, np.nan]))
     angles = [0.3, 2 * 0.3 + 0.1, -(2 * 0.3 + 0.1) + 0.2]
     heading = np.arctan2(T[:, 1, 0], T[:, 0, 0])
     np.testing.assert_allclose(heading, np.cumsum(angles), atol=1e-12)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from garment_sim_ros.body.kinematics import rest_transforms, world_from_dofs
+from garment_sim_ros.body.kinematics import ForwardKinematics, rest_transforms
 from garment_sim_ros.body.loaders.urdf import body_from_urdf, load_urdf, parse_urdf
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.rig import ROTATION, TRANSLATION
@@ -44,7 +44,7 @@ def test_joints_are_links_and_channels_are_joints():
 
 
 def test_motion_follows_origin_axis_and_mimic():
-    T = world_from_dofs(parse_urdf(GRIPPER), np.array([0.4, np.pi / 2, 7.0]))
+    T = ForwardKinematics(parse_urdf(GRIPPER)).from_dofs(np.array([0.4, np.pi / 2, 7.0]))
     # The left finger's y axis is the base's -x after the quarter turn about z.
     np.testing.assert_allclose(T[1, :3, 3], [-0.4, 1.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(T[4, :3, 3], [0.0, -0.4 + 0.25, 0.0], atol=1e-12)
@@ -60,7 +60,7 @@ def test_visuals_become_a_rigid_skin():
     box = body.skin.vertices[body.skin.bone[:, 0] == 1]
     np.testing.assert_allclose(box.min(axis=0), [-0.1, 0.95, 0.0], atol=1e-12)
     np.testing.assert_allclose(box.max(axis=0), [0.1, 1.05, 1.0], atol=1e-12)
-    x = skin_vertices(body.skin, world_from_dofs(body.rig, np.array([0.4, 0.0, 0.0])))
+    x = skin_vertices(body.skin, ForwardKinematics(body.rig).from_dofs(np.array([0.4, 0.0, 0.0])))
     np.testing.assert_allclose(
         x - body.skin.vertices, np.tile([-0.4, 0, 0], (len(x), 1)), atol=1e-9
     )
@@ -79,7 +79,7 @@ def test_human_of_the_ros4hri_project(data_file):
     assert len(bones) == 11
     bend = np.zeros(20)
     bend[body.rig.dofs.names.index("l_elbow_human")] = 1.5
-    wrist = world_from_dofs(body.rig, bend)[body.rig.index("l_wrist_human"), :3, 3]
+    wrist = ForwardKinematics(body.rig).from_dofs(bend)[body.rig.index("l_wrist_human"), :3, 3]
     assert np.linalg.norm(wrist - T[body.rig.index("l_wrist_human"), :3, 3]) > 0.2
 
 

@@ -9,10 +9,16 @@ from garment_sim_ros.params import Environment, Material
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.state import State
-from garment_sim_ros.sim.world.wind_field import CHANGE, Wind, air_velocity, wind_field
+from garment_sim_ros.sim.world.wind_field import CHANGE, Wind, wind_field
 from garment_sim_ros.sim.world.wind_on_cloth import AIR_DENSITY, WindOnCloth
 
 GUSTS = {"wind_drag": 1.2, "wind_lift": 0.4, "gust": 2.0}
+
+
+def air_velocity(field, points, t):
+    """Velocity of the air at places [m], shape [n, 3], and a time [s]: [m/s], shape [n, 3]."""
+    angle = points @ field.wave.T - field.frequency * t + field.phase
+    return field.velocity + np.cos(angle) @ field.amplitude
 
 
 def field(**options):

@@ -220,10 +220,3 @@ class _Change(NamedTuple):
 def _are_same(one: WindField, other: WindField) -> bool:
     """Whether two fields have the same waves."""
     return np.array_equal(one.wave, other.wave)
-
-
-def air_velocity(field: WindField, points: FloatArray, t: float) -> FloatArray:
-    """Velocity of the air at places [m], shape [n, 3], and a time [s]: [m/s], shape [n, 3]."""
-    angle = points @ field.wave.T - field.frequency * t + field.phase
-    u: FloatArray = field.velocity + np.cos(angle) @ field.amplitude
-    return u
