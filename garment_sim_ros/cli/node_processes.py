@@ -19,7 +19,7 @@ from garment_sim_ros.errors import GarmentSimError
 _LOG_HEAD = re.compile(r"^\[[A-Z]+\] \[[0-9.]+\] \[\S+\]: ")
 _FATAL_HEAD = re.compile(r"^\[(ERROR|FATAL)\] \[[0-9.]+\] \[(?P<name>\S+)\]: ")
 _AT_WORK = re.compile(r": \d+ s so far$")
-_PATIENCE = 5.0  # for an orderly end [s]
+_PATIENCE = 15.0  # for an orderly end, on a busy machine, too [s]
 
 
 def own_network() -> dict[str, str]:
