@@ -3,6 +3,7 @@
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -19,14 +20,33 @@ from garment_sim_ros.errors import GarmentSimError
 _LOG_HEAD = re.compile(r"^\[[A-Z]+\] \[[0-9.]+\] \[\S+\]: ")
 _FATAL_HEAD = re.compile(r"^\[(ERROR|FATAL)\] \[[0-9.]+\] \[(?P<name>\S+)\]: ")
 _AT_WORK = re.compile(r": \d+ s so far$")
+# Above 101 the ports of a domain may collide with those that Linux hands out.
+_DOMAINS = 101
+_FIRST_PORT, _PORTS_OF_A_DOMAIN = 7400, 250  # as the standard of the middleware has them
+_claims: list[socket.socket] = []
 _PATIENCE = 15.0  # for an orderly end, on a busy machine, too [s]
 
 
 def own_network() -> dict[str, str]:
-    """Environment in which nodes of this program meet each other and nobody else."""
-    # Above 101 the ports of a domain may collide with those that Linux hands out.
-    domain = 1 + os.getpid() % 101
-    return {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    """Environment in which nodes of this program meet each other and nobody else.
+
+    A program has its domain to its end: it holds the TCP port that has the number of the
+    domain's first UDP port, which the middleware leaves alone.
+
+    Raises:
+        GarmentSimError: All domains are taken.
+    """
+    for number in range(_DOMAINS):
+        domain = 1 + (os.getpid() + number) % _DOMAINS
+        claim = socket.socket()
+        try:
+            claim.bind(("127.0.0.1", _FIRST_PORT + _PORTS_OF_A_DOMAIN * domain))
+        except OSError:
+            claim.close()
+            continue
+        _claims.append(claim)
+        return {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    raise GarmentSimError(f"ROS_DOMAIN_ID: all of 1 to {_DOMAINS} are taken by other programs")
 
 
 @contextmanager

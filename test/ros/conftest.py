@@ -16,6 +16,8 @@ from typing import Any, ClassVar
 
 import pytest
 
+from garment_sim_ros.cli.node_processes import own_network
+
 _PATIENCE = 180.0
 """How long a condition may take to come true on a busy machine, not counting the time in which a
 node says that it compiles or fits [s]."""
@@ -25,10 +27,7 @@ _AT_WORK = re.compile(r": \d+ s so far$")
 @pytest.fixture(scope="session", autouse=True)
 def _own_network() -> Iterator[None]:
     """Nodes of this run meet each other and nobody else."""
-    names = {
-        "ROS_DOMAIN_ID": str(1 + os.getpid() % 101),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    }
+    names = own_network()
     before = {name: os.environ.get(name) for name in names}
     os.environ.update(names)
     yield
@@ -138,9 +137,10 @@ class Probe:
         self._thread.start()
 
     def close(self) -> None:
-        self._rclpy.shutdown(context=self._context)
+        self._executor.shutdown()
         self._thread.join()
         self.node.destroy_node()
+        self._rclpy.shutdown(context=self._context)
 
     def listen(
         self, topic: Any, garment: str = "", *, raw: bool = False, depth: int = 5000

@@ -23,12 +23,6 @@ from garment_sim_ros.ros.recorder import Recorder, is_recorded
 pytestmark = pytest.mark.ros
 
 
-@pytest.fixture(autouse=True)
-def _own_network(monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", "77")
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-
-
 @pytest.fixture
 def publisher():
     context = Context()

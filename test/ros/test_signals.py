@@ -38,7 +38,8 @@ from garment_sim_ros.ros.process import run
 class Long:
     def __init__(self):
         print("stuck", flush=True)
-        time.sleep(1e6)
+        while time:
+            time.sleep(0.1)  # a signal just before it does not cut it short
         self.handle = 1
 
     def __del__(self):
@@ -70,7 +71,9 @@ def stuck(code):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("work", ["while True: pass", "import time; time.sleep(1e6)"])
+@pytest.mark.parametrize(
+    "work", ["while True: pass", "import time\n        while True: time.sleep(0.1)"]
+)
 def test_a_callback_that_does_not_end_is_interrupted(number, work):
     with stuck(STUCK.format(work=work)) as process:
         process.send_signal(number)
