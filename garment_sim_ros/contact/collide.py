@@ -125,8 +125,8 @@ def _meet(nearby, p, lane, x, x_start, friction):
     depth = touch.depth
     if pressed:
         place, held = stay_between(
-            *(nearby.shapes, nearby.posed, nearby.side, p, x_start, place, touch.shape),
-            *(reach.thickness, reach.rounding),
+            *(nearby.shapes, nearby.posed, nearby.side, p, x_start, asked, place),
+            *(touch.shape, reach.thickness, reach.rounding),
         )
         depth = _FAR if held else depth
     contacts.shape[p] = touch.shape

@@ -9,12 +9,15 @@ from garment_sim_ros.geometry.vectors import along, dot, length, less, plus, row
 from garment_sim_ros.jit import lean_kernel
 
 _ROUNDS = 6
+HOLDS = 0.005
+"""What is pressed from two sides slips by what it is pulled farther in a sub-step, as a share of the
+longest shape: 2 mm on a human. Edges pull as far where they are stretched by a quarter."""
 _FARTHEST = 4.0
 """A crease that is farther away than this, in depths, is none: the shapes oppose each other."""
 
 
 @lean_kernel(forceinline=True)
-def stay_between(shapes, posed, side, p, x_start, place, k, thickness, rounding):
+def stay_between(shapes, posed, side, p, x_start, asked, place, k, thickness, rounding):
     """Where particle p, which came out of more than one shape, is held between two of them.
 
     Moved out of one after the other, in each step from where its neighbours have pulled it, it
@@ -30,6 +33,7 @@ def stay_between(shapes, posed, side, p, x_start, place, k, thickness, rounding)
         side: See `Sides`; passing shapes and those let go of press nothing.
         p: The particle.
         x_start: Positions at the start of the step [m], shape [n, 3].
+        asked: Where it was to be before contact [m].
         place: Where it was moved to [m].
         k: The deepest shape.
         thickness: Distance to keep from the surfaces [m].
@@ -45,8 +49,13 @@ def stay_between(shapes, posed, side, p, x_start, place, k, thickness, rounding)
     reach = thickness + min(slip, thickness) + rounding
     for step in range(_ROUNDS):
         nearest, facing, a, b = _pressing(shapes, posed, side, p, at, reach)
-        if step == 0 and not facing < np.float32(np.inf):
-            return place, False
+        if step == 0:
+            if not facing < np.float32(np.inf):
+                return place, False
+            slips = pulled(less(asked, at), less(a, b), np.float32(HOLDS) * shapes.longest)
+            at = plus(at, slips)
+            if dot(slips, slips) > np.float32(0.0):
+                continue
         first = thickness - nearest
         second = thickness - facing
         cosine = dot(a, b)
@@ -60,6 +69,22 @@ def stay_between(shapes, posed, side, p, x_start, place, k, thickness, rounding)
         if abs(out_of_first) + abs(out_of_second) < rounding:
             break
     return at, True
+
+
+@lean_kernel(forceinline=True)
+def pulled(way, across, holds):
+    """How far cloth slips that is pressed from two sides and pulled.
+
+    Args:
+        way: How far it is pulled [m].
+        across: The direction from one side to the other, of any length.
+        holds: As far as that it does not slip [m].
+    """
+    share = dot(way, across) / max(dot(across, across), np.float32(1e-12))
+    along_gap = along(way, across, -share)
+    far = length(along_gap)
+    part = max(np.float32(0.0), far - holds) / max(far, np.float32(1e-12))
+    return part * along_gap[0], part * along_gap[1], part * along_gap[2]
 
 
 @lean_kernel(inner=True)

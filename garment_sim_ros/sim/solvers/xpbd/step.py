@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from garment_sim_ros.contact.pinch import HOLDS
 from garment_sim_ros.jit import compiled
 from garment_sim_ros.params import XpbdSettings
 from garment_sim_ros.sim.colliders import ColliderState
@@ -190,6 +191,7 @@ def _rule(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Rule:
         thickness=np.float32(max(model.material.thickness, step.colliders.thickness)),
         friction=friction,
         held_friction=friction if held else np.float32(0.0),
+        holds=np.float32(HOLDS * step.colliders.shapes.longest),
         iterations=settings.iterations,
         bend_every=workspace.bend_every,
         search_every=step.search_every,

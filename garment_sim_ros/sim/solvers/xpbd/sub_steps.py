@@ -170,7 +170,9 @@ def solve(own, elastic, frames, planes, rule, first, last, searches):
             np.float32(1.0) / dt,
         )
         if s + 1 < last or not searches:
-            touch_planes(own.x[:free], own.v[:free], own.x_start[:free], planes, rule.friction, dt)
+            touch_planes(
+                own.x[:free], own.v[:free], own.x_start[:free], planes, rule.friction, rule.holds, dt
+            )
 
 
 @kernel(inner=True)
