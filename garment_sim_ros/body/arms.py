@@ -21,9 +21,9 @@ from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 
 _TRUNK = ("hips", "spine", "chest", "upperChest", "leftUpperLeg", "rightUpperLeg")
 _DIRECTIONS = 128
-_GAP = 0.01
+_GAP = 0.03
 """Room for cloth between arm and trunk [m]."""
-_NEAR = 0.03
+_NEAR = 0.05
 """Distance from which on a part has a say in the way out [m]."""
 _ANGLES = np.radians(np.arange(0.0, 41.0, 2.0))
 _RATE = 4.0

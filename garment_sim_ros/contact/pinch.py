@@ -9,9 +9,9 @@ from garment_sim_ros.geometry.vectors import along, dot, length, less, plus, row
 from garment_sim_ros.jit import lean_kernel
 
 _ROUNDS = 6
-HOLDS = 0.005
+HOLDS = 0.003
 """What is pressed from two sides slips by what it is pulled farther in a sub-step, as a share of the
-longest shape: 2 mm on a human. Edges pull as far where they are stretched by a quarter."""
+longest shape: 1 mm on a human."""
 _FARTHEST = 4.0
 """A crease that is farther away than this, in depths, is none: the shapes oppose each other."""
 

@@ -82,7 +82,7 @@ def meet(piece: Piece, step: Step) -> None:
     workspace.contact_count = workspace.code[2](own, bodies, planes, rule, has_planes)
     if len(bodies.guard.shape):
         workspace.code[3](own, bodies, rule, has_planes)
-    workspace.code[4](own, bodies.posed.carry, planes, rule)
+    workspace.code[4](own, workspace.prepared, bodies.posed.carry, planes, rule)
 
 
 def finish(piece: Piece) -> None:
@@ -121,7 +121,7 @@ def _given(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Given:
             compiled(sub_steps.solve, *given.to_solve, 0, 1, True),
             compiled(sub_steps.meet, *given.to_meet, True),
             compiled(sub_steps.guard, own, bodies, rule, True),
-            compiled(sub_steps.stop, own, bodies.posed.carry, planes, rule),
+            compiled(sub_steps.stop, own, elastic.ready, bodies.posed.carry, planes, rule),
         )
     return given
 

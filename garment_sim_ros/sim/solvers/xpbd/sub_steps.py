@@ -24,6 +24,7 @@ from garment_sim_ros.sim.solvers.xpbd.planes import (
     stop_at_contacts,
     touch_planes,
 )
+from garment_sim_ros.sim.solvers.xpbd.strain_limit import limit_strain
 
 _FAST, _KNOWN = range(2)
 """Places in the `flags` of a step."""
@@ -248,17 +249,19 @@ def guard(own, bodies, rule, has_planes):
 
 
 @kernel()
-def stop(own, carry, planes, rule):
-    """Velocities after a search, and what is kept of it until the next one.
+def stop(own, ready, carry, planes, rule):
+    """The strain limit and velocities after a search, and what is kept of it until the next one.
 
     Args:
         own: `Particles`.
+        ready: `Prepared`.
         carry: How points move with the shapes in the sub-step, see `PosedShapes`.
         planes: `Planes`, output.
         rule: `Rule`.
     """
     free, dt = rule.free, rule.dt
     x, v, x_start = own.x[:free], own.v[:free], own.x_start[:free]
+    limit_strain(own.x, ready.edge_particles, ready.edges, planes)
     stop_at_contacts(
         x, v, x_start, own.x_predicted[:free], planes, carry, rule.friction, dt, own.motion
     )

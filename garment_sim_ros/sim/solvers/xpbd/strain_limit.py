@@ -1,0 +1,60 @@
+"""The longest that edges get: beyond it cloth moves along, whatever holds it.
+
+A limb that takes cloth along, or presses it against another one, stretches single edges to many
+times their length, and cloth that comes free of it snaps back as no fabric does. After each search
+for contacts, ends of edges that are longer than the limit are drawn together, along surfaces that
+they touch and never into them (Provot 1995, "Deformation constraints in a mass-spring model").
+Velocities stay as they are: what is drawn together so gains no energy.
+"""
+
+import numpy as np
+
+from garment_sim_ros.geometry.vectors import along, dot, less, row
+from garment_sim_ros.jit import kernel, lean_kernel
+
+LIMIT = 0.5
+"""Strain of the longest edges: knitwear breaks at about 1, weaves far below."""
+_PASSES = 3
+
+
+@lean_kernel(inner=True)
+def _draw(x, planes, p, way):
+    """Moves particle p by `way`, but not into the surface that it touches."""
+    if p < planes.shape.size and planes.shape[p] >= 0:
+        n = row(planes.normal, p)
+        into = dot(way, n)
+        if into < np.float32(0.0):
+            way = along(way, n, -into)
+    for axis in range(3):
+        x[p, axis] += way[axis]
+
+
+@kernel(inner=True)
+def limit_strain(x, particles, edges, planes):
+    """Draws the ends of edges together that are too long.
+
+    Args:
+        x: Positions, changed in place [m], shape [n, 3].
+        particles: Ends, flat, shape [2 m].
+        edges: From `prepare_edges`, shape [m, 4].
+        planes: `Planes`; of them shapes and normals that the search found.
+    """
+    most = np.float32(1.0 + LIMIT)
+    for _ in range(_PASSES):
+        found = False
+        for e in range(edges.shape[0]):
+            i, j = np.int64(particles[2 * e]), np.int64(particles[2 * e + 1])
+            d = less(row(x, i), row(x, j))
+            squared = dot(d, d)
+            if not squared > most * most * edges[e, 0]:
+                continue
+            both = edges[e, 1] + edges[e, 2]
+            if not both > np.float32(0.0):
+                continue
+            found = True
+            share = (np.float32(1.0) - most * np.sqrt(edges[e, 0] / squared)) / both
+            a, b = -share * edges[e, 1], share * edges[e, 2]
+            _draw(x, planes, i, (a * d[0], a * d[1], a * d[2]))
+            _draw(x, planes, j, (b * d[0], b * d[1], b * d[2]))
+        if not found:
+            break
