@@ -14,7 +14,7 @@ from garment_sim_ros.jit import kernel, lean_kernel
 
 LIMIT = 0.5
 """Strain of the longest edges: knitwear breaks at about 1, weaves far below."""
-_PASSES = 3
+_PASSES = 10
 
 
 @lean_kernel(inner=True)
