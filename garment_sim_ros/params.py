@@ -376,6 +376,12 @@ class XpbdSettings:
         minimum=1,
         maximum=64,
     )
+    strain_limit: float = parameter(
+        0.5,
+        "Strain of the longest edges: cloth that is pulled harder moves instead of stretching.",
+        minimum=0.01,
+        maximum=1e3,
+    )
     coarse: bool = parameter(
         False,
         "Correct the stretch on a coarse level, too: less stretch with few sub-steps.",

@@ -81,21 +81,33 @@ def sweep(
     return x
 
 
+def pulled(way: FloatArray, across: FloatArray, holds: float) -> FloatArray:
+    """How far cloth slips that is pressed across a direction and pulled [m]."""
+    n = across / np.linalg.norm(across)
+    along_gap = way - (way @ n) * n
+    far = float(np.linalg.norm(along_gap))
+    return along_gap * (max(0.0, far - holds) / max(far, 1e-12))
+
+
 def stay_between(
     shapes: Sequence[Shape],
+    asked: FloatArray,
     place: FloatArray,
     start: FloatArray,
     thickness: float,
     rounding: float,
+    holds: float,
 ) -> tuple[FloatArray, bool]:
     """Where a particle stays that shapes press from two sides, and whether they do.
 
     Args:
         shapes: Those that press.
+        asked: Where it was to be before contact [m], shape [3].
         place: Where contact left it [m], shape [3].
         start: Where it would be, had it moved_with the deepest shape [m], shape [3].
         thickness: Distance to keep from the surfaces [m].
         rounding: What distances may be wrong by [m].
+        holds: It slips by what it is pulled farther [m].
     """
     reach = thickness + min(float(np.linalg.norm(place - start)), thickness) + rounding
     at = np.array(start, dtype=np.float64)
@@ -105,6 +117,11 @@ def stay_between(
         facing = [f for f in found if f[1] @ a < 0.0 and f[0] <= reach]
         if not facing and attempt == 0:
             return np.asarray(place), False
+        if attempt == 0:
+            slips = pulled(asked - at, a - min(facing, key=lambda f: f[0])[1], holds)
+            at += slips
+            if slips.any():
+                continue
         first = thickness - d1
         if first <= rounding:
             break
@@ -144,10 +161,15 @@ def touch_plane(
     is_pressed: bool,
     friction: float,
     dt: float,
+    holds: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Position and velocity of a particle after contact with a plane that moved to `place`."""
+    """Position and velocity of a particle after contact with a plane that moved to `place`.
+
+    Where it is pressed from two sides it slips by what it is pulled farther than `holds`.
+    """
     if is_pressed:
-        return x_start + shift, shift / dt
+        held = x_start + shift
+        return held + pulled(x - held, normal, holds), shift / dt
     depth = float((place - x) @ normal)
     if depth <= 0.0:
         return x, v

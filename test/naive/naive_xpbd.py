@@ -98,3 +98,30 @@ def pull_cells(
             centre[triangle] -= np.outer(give, over * metre / length)
     x[:free] += (centre - start)[cell[:free]]
     return x
+
+
+def limit_strain(
+    x: FloatArray,
+    edges: IntArray,
+    rest_length: FloatArray,
+    inverse_mass: FloatArray,
+    normal: FloatArray,
+    limit: float,
+) -> FloatArray:
+    """Positions [n, 3] after passes over edges that are too long.
+
+    Particles touch a surface with the given outward normals, NaN where they touch none, [n, 3].
+    """
+    x = np.array(x, dtype=np.float64)
+    for _ in range(10):
+        for e, (i, j) in enumerate(edges):
+            apart = x[i] - x[j]
+            over = float(np.linalg.norm(apart)) - (1.0 + limit) * rest_length[e]
+            total = inverse_mass[i] + inverse_mass[j]
+            if over <= 0.0 or total == 0.0:
+                continue
+            pull = over * apart / float(np.linalg.norm(apart)) / total
+            for p, way in ((i, -inverse_mass[i] * pull), (j, inverse_mass[j] * pull)):
+                into = float(way @ normal[p])
+                x[p] += way - into * normal[p] if into < 0.0 else way
+    return x

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from naive import naive_contact
 
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
-from garment_sim_ros.contact.pinch import stay_between
+from garment_sim_ros.contact.pinch import HOLDS, stay_between
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER
 from garment_sim_ros.contact.sweep import Sweep, sweep
@@ -119,13 +119,14 @@ def test_pinches(seed, count):
     n = 40
     x_start = (middle + 0.06 * rng.normal(size=(n, 3))).astype(np.float32)
     x = (x_start + rng.choice([0.0, 0.01], (n, 1)) * rng.normal(size=(n, 3))).astype(np.float32)
+    asked = (x + rng.choice([0.0, 1e-3], (n, 1)) * rng.normal(size=(n, 3))).astype(np.float32)
     side = rng.choice([UNDER, OPPOSED, PASSING], (count, n)).astype(np.int8)
     rounding = 1e-6
     off = []
     for p in range(n):
         k = int(rng.integers(count))
         place, is_held = stay_between(
-            *(scene.packed, scene.posed, side, p, x_start, tuple(x[p]), k),
+            *(scene.packed, scene.posed, side, p, x_start, tuple(asked[p]), tuple(x[p]), k),
             *np.float32([THICKNESS, rounding]),
         )
         pressing = [s for s, where in zip(scene.shapes, side[:, p]) if where != PASSING]
@@ -134,7 +135,8 @@ def test_pinches(seed, count):
             continue
         moved_with = x_start[p] + naive_contact.moved_with(scene.carry[k], x_start[p])
         expected, expected_held = naive_contact.stay_between(
-            pressing, x[p].astype(np.float64), moved_with, THICKNESS, rounding
+            *(pressing, asked[p].astype(np.float64), x[p].astype(np.float64), moved_with),
+            *(THICKNESS, rounding, HOLDS * float(scene.packed.longest)),
         )
         off.append(np.abs(np.array(place) - expected).max() + (is_held != expected_held))
     # Which of two shapes is nearest may be a matter of rounding.
@@ -182,7 +184,9 @@ def test_planes(seed, dt, friction, searched):
             moves = at, speed, x_start[p].astype(np.float64), touched_at[p] + way, way
             out = normal[p].astype(np.float64)
             if not searched:
-                at, speed = naive_contact.touch_plane(*moves, out, pressed, friction, float(dt))
+                at, speed = naive_contact.touch_plane(
+                    *(*moves, out, pressed, friction, float(dt), HOLDS)
+                )
             elif not pressed:
                 radius = float(inscribed_radius[shape[p]])
                 at, speed = naive_contact.return_to_plane(*moves, out, radius, friction, float(dt))
@@ -191,7 +195,7 @@ def test_planes(seed, dt, friction, searched):
     if searched:
         return_to_planes(*arrays, inscribed_radius, friction, dt)
     else:
-        touch_planes(*arrays, friction, dt)
+        touch_planes(*arrays, friction, np.float32(HOLDS), dt)
     np.testing.assert_allclose(x, [e[0] for e in expected], atol=2e-6)
     # Positions are rounded to 2e-7 m.
     np.testing.assert_allclose(v, [e[1] for e in expected], atol=1e-6 / dt + 1e-6)

@@ -192,6 +192,7 @@ def _rule(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Rule:
         friction=friction,
         held_friction=friction if held else np.float32(0.0),
         holds=np.float32(HOLDS * step.colliders.shapes.longest),
+        strain_limit=np.float32(settings.strain_limit),
         iterations=settings.iterations,
         bend_every=workspace.bend_every,
         search_every=step.search_every,

@@ -29,8 +29,8 @@ def _draw(x, planes, p, way):
         x[p, axis] += way[axis]
 
 
-@kernel(inner=True)
-def limit_strain(x, particles, edges, planes):
+@kernel()
+def limit_strain(x, particles, edges, planes, limit):
     """Draws the ends of edges together that are too long.
 
     Args:
@@ -38,8 +38,9 @@ def limit_strain(x, particles, edges, planes):
         particles: Ends, flat, shape [2 m].
         edges: From `prepare_edges`, shape [m, 4].
         planes: `Planes`; of them shapes and normals that the search found.
+        limit: Strain of the longest edges.
     """
-    most = np.float32(1.0 + LIMIT)
+    most = np.float32(1.0) + limit
     for _ in range(_PASSES):
         found = False
         for e in range(edges.shape[0]):

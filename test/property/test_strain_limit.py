@@ -1,0 +1,93 @@
+"""The limit of strain: against its twin, along surfaces, and where a ball stretches cloth."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from naive import naive_xpbd
+
+import garment_sim_ros as gs
+from garment_sim_ros.geometry.topology import mesh_topology
+from garment_sim_ros.sim.solvers.xpbd.edges import prepare_edges
+from garment_sim_ros.sim.solvers.xpbd.given import Planes
+from garment_sim_ros.sim.solvers.xpbd.strain_limit import limit_strain
+
+LIMIT = 0.5
+
+
+def ready_edges(rng, edges, rest, weight):
+    """Edges as the solver has them."""
+    length = np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1)
+    ready = np.zeros((len(edges), 4), np.float32)
+    particles = edges.ravel().astype(np.uint32)
+    stiffness = rng.uniform(1.0, 2000.0, len(edges))
+    prepare_edges(particles, stiffness, weight, length**2, 1.0, 1e-3, ready)
+    return particles, ready, length
+
+
+@given(st.integers(0, 10**6), st.floats(0.001, 0.05))
+@settings(derandomize=True, deadline=None, max_examples=30)
+def test_limit(cloth, seed, scale):
+    """As the twin; nothing goes into a surface that it touches, and pins stay."""
+    rng = np.random.default_rng(seed)
+    rest, triangles = cloth.grid(6, 7)
+    x = (rest + rng.normal(0.0, scale, rest.shape)).astype(np.float32)
+    weight = rng.uniform(500.0, 2000.0, len(rest)).astype(np.float32)
+    free = len(rest) - 3
+    weight[free:] = 0.0
+    edges = rng.permutation(mesh_topology(triangles).edges)
+    edges = edges[weight[edges].sum(axis=1) > 0.0]
+    particles, ready, length = ready_edges(rng, edges, rest, weight)
+    normal = rng.normal(size=(free, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    shape = rng.choice([-1, 0], free).astype(np.int32)
+    empty = np.zeros((free, 3), np.float32)
+    planes = Planes(shape, normal.astype(np.float32), empty[:, 0], empty, empty)
+    outward = np.zeros((len(rest), 3))
+    outward[:free][shape >= 0] = normal[shape >= 0]
+    expected = naive_xpbd.limit_strain(x, edges, length, weight, outward, LIMIT)
+    before = x.copy()
+    limit_strain(x, particles, ready, planes, np.float32(LIMIT))
+    np.testing.assert_allclose(x, expected, atol=2e-5)
+    assert (x[free:] == before[free:]).all()
+    into = ((x - before)[:free] * normal).sum(axis=1)[shape >= 0]
+    assert into.min() > -1e-5
+
+
+def test_short_edges_are_left_alone(cloth):
+    rng = np.random.default_rng(0)
+    rest, triangles = cloth.grid(6, 7)
+    x = (1.49 * rest).astype(np.float32)
+    edges = mesh_topology(triangles).edges
+    weight = np.ones(len(rest), np.float32)
+    particles, ready, _ = ready_edges(rng, edges, rest, weight)
+    none = np.zeros((len(rest), 3), np.float32)
+    planes = Planes(np.full(len(rest), -1, np.int32), none, none[:, 0], none, none)
+    before = x.copy()
+    limit_strain(x, particles, ready, planes, np.float32(LIMIT))
+    assert (x == before).all()
+
+
+def longest_edge(**settings):
+    """Of a sheet on four pins that a ball is pushed through by a quarter of its width."""
+    colliders = gs.ColliderSet.of(gs.sphere(0.05, bone="ball"))
+    sheet = gs.Garment.sheet(
+        0.4, 0.4, edge=0.02, upright=True, pins="corners", material="cotton_jersey"
+    )
+    simulation = gs.Simulation(sheet, colliders, **settings)
+    edges = mesh_topology(sheet.triangles).edges
+    rest = np.linalg.norm(np.diff(sheet.vertices[edges], axis=1)[:, 0], axis=1)
+    longest = 0.0
+    for y in np.append(np.linspace(-0.1, 0.1, 20), np.full(20, 0.1)):
+        simulation.step(colliders.poses({"ball": np.array([0.0, y, 0.0])}))
+        x = simulation["sheet"].positions
+        longest = max(
+            longest, (np.linalg.norm(np.diff(x[edges], axis=1)[:, 0], axis=1) / rest).max()
+        )
+    assert x[:, 1].max() > 0.14  # It is on the ball.
+    return longest - 1.0
+
+
+def test_cloth_on_a_ball_is_stretched_by_the_limit():
+    """Jersey gives: by its corners alone edges would be more than twice as long."""
+    assert longest_edge(strain_limit=1e3) > 1.0
+    assert longest_edge(strain_limit=LIMIT) < 1.1 * LIMIT
