@@ -14,6 +14,9 @@ HOLDS = 0.003
 the longest shape: 1 mm on a human."""
 _FARTHEST = 4.0
 """A crease that is farther away than this, in depths, is none: the shapes oppose each other."""
+_CREASE = 0.025
+"""Nor is one that is farther than this share of the longest shape, 1 cm on a human: cloth on the
+way there would be stretched over the limb that closes on it."""
 
 
 @lean_kernel(forceinline=True)
@@ -64,7 +67,7 @@ def stay_between(shapes, posed, side, p, x_start, asked, place, k, thickness, ro
         if not second - first * cosine > rounding:
             at = along(at, a, first)
             continue
-        out_of_first, out_of_second = _to_crease(first, second, cosine)
+        out_of_first, out_of_second = _to_crease(first, second, cosine, shapes.longest)
         at = along(along(at, a, out_of_first), b, out_of_second)
         if abs(out_of_first) + abs(out_of_second) < rounding:
             break
@@ -103,6 +106,8 @@ def _pressing(shapes, posed, side, p, place, reach):
                 continue
             d, nx, ny, nz = shape_distance(shapes, posed, m, place[0], place[1], place[2], reach)
             n = (nx, ny, nz)
+            if d > reach:  # Some kinds tell distances beyond it, too.
+                continue
             if turn == 0:
                 if d < d1:
                     d1, a = d, n
@@ -112,18 +117,19 @@ def _pressing(shapes, posed, side, p, place, reach):
 
 
 @lean_kernel(inner=True)
-def _to_crease(first, second, cosine):
+def _to_crease(first, second, cosine, longest):
     """How far out of each of two shapes it is to where they meet, or to the middle between them.
 
     Args:
         first: Depth in the one [m].
         second: Depth in the other [m].
         cosine: Of the angle between the directions out of them.
+        longest: Length of the longest shape [m].
     """
     square = max(np.float32(1.0) - cosine * cosine, np.float32(1e-6))
     a = (first - cosine * second) / square
     b = (second - cosine * first) / square
-    farthest = np.float32(_FARTHEST) * first
+    farthest = min(np.float32(_FARTHEST) * first, np.float32(_CREASE) * longest)
     if a * a + b * b + np.float32(2.0) * a * b * cosine > farthest * farthest:
         a = (first - second) / (np.float32(2.0) - np.float32(2.0) * cosine)
         b = -a

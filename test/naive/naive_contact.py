@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from garment_sim_ros.arrays import FloatArray
 from naive.naive import Shape, signed_distance
 
+HOLDS = 0.003
+
 
 def moved_with(carry: FloatArray, place: FloatArray) -> FloatArray:
     """How far a point fixed to a shape moves, from the shape's carry [3, 4]."""
@@ -96,7 +98,7 @@ def stay_between(
     start: FloatArray,
     thickness: float,
     rounding: float,
-    holds: float,
+    longest: float,
 ) -> tuple[FloatArray, bool]:
     """Where a particle stays that shapes press from two sides, and whether they do.
 
@@ -107,7 +109,7 @@ def stay_between(
         start: Where it would be, had it moved_with the deepest shape [m], shape [3].
         thickness: Distance to keep from the surfaces [m].
         rounding: What distances may be wrong by [m].
-        holds: It slips by what it is pulled farther [m].
+        longest: Length of the longest shape [m].
     """
     reach = thickness + min(float(np.linalg.norm(place - start)), thickness) + rounding
     at = np.array(start, dtype=np.float64)
@@ -118,7 +120,7 @@ def stay_between(
         if not facing and attempt == 0:
             return np.asarray(place), False
         if attempt == 0:
-            slips = pulled(asked - at, a - min(facing, key=lambda f: f[0])[1], holds)
+            slips = pulled(asked - at, a - min(facing, key=lambda f: f[0])[1], HOLDS * longest)
             at += slips
             if slips.any():
                 continue
@@ -136,7 +138,7 @@ def stay_between(
         # The crease: both planes at once; nowhere near where they are almost parallel.
         square = max(1.0 - cosine**2, 1e-6)
         s, t = (first - cosine * second) / square, (second - cosine * first) / square
-        if np.linalg.norm(s * a + t * b) > 4.0 * first:
+        if np.linalg.norm(s * a + t * b) > min(4.0 * first, longest / 40.0):
             s = (first - second) / (2.0 - 2.0 * cosine)
             t = -s
         at += s * a + t * b
