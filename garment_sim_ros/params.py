@@ -377,7 +377,7 @@ class XpbdSettings:
         maximum=64,
     )
     strain_limit: float = parameter(
-        0.5,
+        0.3,
         "Strain of the longest edges: cloth that is pulled harder moves instead of stretching.",
         minimum=0.01,
         maximum=1e3,
