@@ -31,6 +31,8 @@ class Guard(NamedTuple):
         ends: Both ends in its frame [m], shape [c, 2, 3].
         radius: Distance that triangles keep from each core [m], shape [c].
         triangles: As particles, neighbours one after the other, shape [t, 3].
+        corner: Corners of the triangles of each block, each once, one block after the other.
+        corner_start: First corner of each block and the end, shape [b + 1].
         outside: Whether each core is outside of each triangle, not under it, shape [c, t].
         box: Scratch: boxes of blocks of triangles [m], shape [b, 6].
         posed: Scratch: ends of the cores at the last search and now [m], shape [2, c, 2, 3].
@@ -50,6 +52,8 @@ class Guard(NamedTuple):
     ends: FloatArray
     radius: FloatArray
     triangles: IntArray
+    corner: IntArray
+    corner_start: IntArray
     outside: NDArray[np.bool_]
     box: SingleArray
     posed: FloatArray
@@ -85,6 +89,7 @@ class Guard(NamedTuple):
         order = np.lexsort(np.sort(triangles, axis=1).T[::-1])
         triangles = np.ascontiguousarray(triangles[order], np.int32)
         c, t, free = len(used), len(triangles), side.shape[1]
+        corners = [np.unique(triangles[b : b + BLOCK]) for b in range(0, t, BLOCK)]
         # More than half of the corners that are free.
         not_under = np.hstack([side[shape] != UNDER, np.zeros((c, 1), np.bool_)])
         of_corner = not_under[:, np.minimum(triangles, free)]
@@ -94,6 +99,8 @@ class Guard(NamedTuple):
             ends=np.ascontiguousarray(cores.ends[used]),
             radius=np.clip(_SHARE * cores.depth[used], _LEAST, _LARGEST),
             triangles=triangles,
+            corner=np.concatenate([*corners, np.zeros(0, np.int32)]).astype(np.int32),
+            corner_start=np.cumsum([0, *map(len, corners)], dtype=np.int32),
             outside=np.ascontiguousarray(of_corner.sum(axis=2) > half),
             box=np.zeros((-(-t // BLOCK), 6), np.float32),
             posed=np.zeros((2, c, 2, 3)),
@@ -115,6 +122,8 @@ class Guard(NamedTuple):
             ends=np.zeros((0, 2, 3)),
             radius=np.zeros(0),
             triangles=np.zeros((0, 3), np.int32),
+            corner=np.zeros(0, np.int32),
+            corner_start=np.zeros(1, np.int32),
             outside=np.zeros((0, 0), np.bool_),
             box=np.zeros((0, 6), np.float32),
             posed=np.zeros((2, 0, 2, 3)),

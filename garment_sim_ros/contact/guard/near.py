@@ -46,21 +46,27 @@ def pose_cores(guard, posed, carry):
 
 @lean_kernel(inner=True)
 def _box_triangles(guard, x):
-    """A box for each block of triangles."""
-    triangles, box = guard.triangles, guard.box
+    """A box for each block of triangles.
+
+    Returns:
+        The box of all [m]: its low corner, its high corner.
+    """
+    box = guard.box
+    inf = np.float32(np.inf)
+    low, high = (inf, inf, inf), (-inf, -inf, -inf)
     for b in range(len(box)):
-        i = triangles[b * BLOCK, 0]
-        lx = hx = x[i, 0]
-        ly = hy = x[i, 1]
-        lz = hz = x[i, 2]
-        for n in range(b * BLOCK, min(len(triangles), (b + 1) * BLOCK)):
-            for k in range(3):
-                i = triangles[n, k]
-                lx, hx = min(lx, x[i, 0]), max(hx, x[i, 0])
-                ly, hy = min(ly, x[i, 1]), max(hy, x[i, 1])
-                lz, hz = min(lz, x[i, 2]), max(hz, x[i, 2])
+        lx = ly = lz = inf
+        hx = hy = hz = -inf
+        for n in range(guard.corner_start[b], guard.corner_start[b + 1]):
+            i = guard.corner[n]
+            lx, hx = min(lx, x[i, 0]), max(hx, x[i, 0])
+            ly, hy = min(ly, x[i, 1]), max(hy, x[i, 1])
+            lz, hz = min(lz, x[i, 2]), max(hz, x[i, 2])
         box[b, 0], box[b, 1], box[b, 2] = lx, ly, lz
         box[b, 3], box[b, 4], box[b, 5] = hx, hy, hz
+        low = (min(low[0], lx), min(low[1], ly), min(low[2], lz))
+        high = (max(high[0], hx), max(high[1], hy), max(high[2], hz))
+    return low, high
 
 
 @lean_kernel(inner=True)
@@ -83,7 +89,7 @@ def find_near(guard, x):
     Returns:
         Their number.
     """
-    _box_triangles(guard, x)
+    low, high = _box_triangles(guard, x)
     box, triangles = guard.box, guard.triangles
     count = 0
     for c in range(guard.shape.size):
@@ -92,6 +98,9 @@ def find_near(guard, x):
         lx, hx = min(p[0], p[0] + d[0]) - reach, max(p[0], p[0] + d[0]) + reach
         ly, hy = min(p[1], p[1] + d[1]) - reach, max(p[1], p[1] + d[1]) + reach
         lz, hz = min(p[2], p[2] + d[2]) - reach, max(p[2], p[2] + d[2]) + reach
+        apart = (low[0] > hx) | (high[0] < lx) | (low[1] > hy) | (high[1] < ly)
+        if apart | (low[2] > hz) | (high[2] < lz):
+            continue
         for b in range(len(box)):
             apart_x = (box[b, 0] > hx) | (box[b, 3] < lx)
             apart_y = (box[b, 1] > hy) | (box[b, 4] < ly)
