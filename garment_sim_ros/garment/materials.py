@@ -4,11 +4,12 @@ Measured cloths: Wang, O'Brien & Ramamoorthi 2011, "Data-driven elastic models f
 modeling and measurement", ACM Trans. Graph. 30(4), the published database of ten fabrics. Their
 models are piecewise linear in strain and direction; a preset takes one number of each: tensile
 stiffness along warp and weft at the strain of 1/6 in that direction, shear stiffness at small
-strain, and a quarter of the bending stiffness of small curvature, averaged over the three directions
-measured. A quarter, as that number k belongs to hinges (Bridson et al. 2003), which store
-k l^2 theta^2 / 8A for an edge of length l, an angle theta and two triangles of area A in all. On
-meshes of equilateral triangles, and on a grid along its axes, that is k/8 per area and squared
-curvature of a cylinder, where a rigidity B stores B/2 (`test_bending_of_fabrics.py`).
+strain, and a quarter of the bending stiffness of small curvature, averaged over the three
+directions measured. A quarter, as that number k belongs to hinges (Bridson et al. 2003), which
+store k l^2 theta^2 / 8A for an edge of length l, an angle theta and two triangles of area A in
+all. On meshes of equilateral triangles, and on a grid along its axes, that is k/8 per area and
+squared curvature of a cylinder, where a rigidity B stores B/2 (`test_bending_of_fabrics.py`).
+`bench/textile_tests.py` measures how the fabrics hang.
 
 `silk` and `wool` are nominal: mid-range values of the Kawabata evaluation system (KES-F) for thin
 silk weaves and for worsted suiting, not one measured cloth. Damping, air drag, friction and
