@@ -83,7 +83,7 @@ def test_floor_takes_a_shadow_and_the_inside_is_darker():
 
 
 def test_light_comes_through_to_the_inside_of_a_closed_garment():
-    """Seen through a slit, the inside of a tube is not black: an eighth as bright as its outside."""
+    """Seen through a slit, the inside of a tube is an eighth as bright as its outside."""
     angle = np.linspace(0.2, 2.0 * np.pi - 0.2, 41)
     ring = 0.1 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     low, high = (np.column_stack([ring, np.full(41, z)]) for z in (0.3, 0.7))
@@ -143,7 +143,8 @@ def test_a_film_is_not_dithered(tmp_path):
     )
     root = np.array([0.0, 0.0, 0.5])
     figure, moved = (
-        Figure(skin=mesh.vertices + [0, y, 0.5], garments=(), root=root) for y in (0.0, 0.01)
+        Figure(skin=mesh.vertices + np.array([0, y, 0.5]), garments=(), root=root)
+        for y in (0.0, 0.01)
     )
     animation([figure, moved], look, tmp_path / "preview.gif", rate=20.0)
     with Image.open(tmp_path / "preview.gif") as film:

@@ -22,7 +22,7 @@ from garment_sim_ros.sim.solvers.xpbd.order import inward_order
 from garment_sim_ros.sim.solvers.xpbd.prepared import Prepared
 from garment_sim_ros.sim.state import Workspace
 
-_SWING = 0.6
+_SWING = 0.45
 """The farthest that hinges, by themselves, may swing from one pass to the next [rad], where passes
 are several sub-steps apart: with more, hems curl and flutter."""
 _STIFFEST = np.pi / 3
