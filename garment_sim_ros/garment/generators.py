@@ -53,6 +53,9 @@ class TShirtOptions:
 
     # Made by remeshing, 20,000 vertices take some 7 s; skirts are drawn directly.
     vertices: int = parameter(1503, "Number of vertices.", minimum=300, maximum=20_000)
+    length: float = parameter(
+        0.8, "Hem between waist (0) and widest hips (1).", minimum=0.2, maximum=1.0
+    )
     ease: float = parameter(
         0.025,
         "How far its trunk stands off a person of 1.65 m: 0.01 close-fitting, 0.04 loose.",
@@ -98,7 +101,7 @@ def _tshirt(measures: Measures, o: TShirtOptions) -> tuple[GarmentMesh, Measures
         # Only where no such shirt was made before: what it takes is slow to import, too.
         from garment_sim_ros.garment.tshirt import tshirt
 
-        mesh = tshirt(measures, vertices=o.vertices, ease=o.ease)
+        mesh = tshirt(measures, vertices=o.vertices, length=o.length, ease=o.ease)
         return {"vertices": mesh.vertices, "triangles": mesh.triangles}
 
     made = cached_arrays("garments", key, make)

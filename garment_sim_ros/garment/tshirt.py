@@ -28,18 +28,23 @@ _MOST_NODES = 5_000_000
 # Sizes for a person of 1.65 m [m].
 _SPACING = 0.015
 _WAISTBAND = 0.008  # that the hem hangs over
-_COLLAR_EASE = 0.011
+_COLLAR_EASE = 0.012
+_COLLAR_GAP = 0.005  # that the neckline stands off the skin
 _UNION_ROUNDING = 0.03
 _SKIN_ROUNDING = 0.008
-_COLLAR_TILT = np.radians(18.0)  # forward
-_HEM = 0.4  # from the waist (0) to the hips (1)
+_COLLAR_TILT = np.radians(25.0)  # forward
+_COLLAR_DEPTH = 0.35  # radii of the neck below its base
+_COLLAR_LENGTH = 1.15  # of the neckline from back to front, over its width
+_COLLAR_REACH = (
+    1.2  # radii of the neck beyond the neckline, over which the shirt comes to its ease
+)
 _SLEEVE_LENGTH = 0.6  # of the upper arm
 _FIT = 0.5  # 0: follows the waist; 1: straight from the armpits to the hem
 
 # Shares of the trunk's ease.
 _LEAST_EASE = 0.6
 _SHOULDER_EASE = 0.6
-_SLEEVE_EASE = 1.3
+_SLEEVE_EASE = 0.7
 
 
 @dataclass(kw_only=True)
@@ -71,18 +76,19 @@ class Grid:
         return field / np.maximum(slope, 1.0)
 
 
-def tshirt(measures: Measures, *, vertices: int, ease: float) -> GarmentMesh:
-    """A T-shirt with a hem below the waist and sleeves to the middle of the upper arms.
+def tshirt(measures: Measures, *, vertices: int, length: float, ease: float) -> GarmentMesh:
+    """A T-shirt with sleeves to the middle of the upper arms.
 
     Args:
         measures: The body, arms held away from the trunk.
         vertices: Number of vertices.
+        length: Its hem between the waist (0) and the widest hips (1).
         ease: How far the trunk stands off the body, for a person of 1.65 m [m].
 
     Raises:
         GeometryError: The body lacks what a shirt needs, or too few vertices for its openings.
     """
-    hem = measures.waist - _HEM * (measures.waist - measures.hips)
+    hem = measures.waist - length * (measures.waist - measures.hips)
     ease *= measures.unit
     grid = _grid(measures, hem, ease)
     arms = measures.arms
@@ -92,7 +98,7 @@ def tshirt(measures: Measures, *, vertices: int, ease: float) -> GarmentMesh:
     field = _shirt_field(measures, grid, points, trunk, arms, tubes, ease)
     x, triangles = surface_net(field, grid.origin, grid.spacing)
     x, triangles, _ = clipped(x, triangles, hem - x[:, 2])
-    x, triangles, _ = clipped(x, triangles, _above_collar(measures, x))
+    x, triangles, _ = clipped(x, triangles, _in_neckline(measures, x))
     for arm, tube in zip(arms, tubes):
         beyond = arm.along(x) - _SLEEVE_LENGTH * arm.length
         on_sleeve = grid.sampled(trunk - tube, x)
@@ -163,7 +169,9 @@ def _shirt_field(
     near = np.abs(field) < 0.06 * unit
     skin = MeshDistance(measures.vertices, _covered_skin(measures))
     gap = skin.signed_distance(points[near])[0]
-    field[near] = _smooth_union(field[near], gap - _LEAST_EASE * ease, _SKIN_ROUNDING * unit)
+    beyond = -_in_neckline(measures, points[near]) / (_COLLAR_REACH * measures.neck_base.radius)
+    least = np.interp(beyond, [0.0, 1.0], [_COLLAR_GAP * unit, _LEAST_EASE * ease])
+    field[near] = _smooth_union(field[near], gap - least, _SKIN_ROUNDING * unit)
     return field
 
 
@@ -192,10 +200,13 @@ def _trunk_field(
     field = np.stack([(ground - h).max(axis=-1) for h in support], axis=-1)
     neck = measures.neck_base
     field = np.maximum(field, z - neck.centre[2] - 0.5 * neck.radius)
-    at_hem, at_shoulder = ease + _WAISTBAND * measures.unit, _SHOULDER_EASE * ease
-    return grid.normalised(field) - np.interp(
-        z, [hem, armpit, shoulder], [at_hem, ease, at_shoulder]
-    )
+    eases = {
+        hem: ease + _WAISTBAND * measures.unit,
+        armpit: ease,
+        shoulder: _SHOULDER_EASE * ease,
+        max(float(neck.centre[2]), shoulder + grid.spacing): _COLLAR_GAP * measures.unit,
+    }
+    return grid.normalised(field) - np.interp(z, list(eases), list(eases.values()))
 
 
 def _concave_envelope(values: FloatArray) -> FloatArray:
@@ -239,18 +250,22 @@ def _covered_skin(measures: Measures) -> IntArray:
     return triangles[~left_out[triangles].any(axis=1)]
 
 
-def _above_collar(measures: Measures, x: FloatArray) -> FloatArray:
-    """Positive for points above the neckline [m], shape [n].
+def _in_neckline(measures: Measures, x: FloatArray) -> FloatArray:
+    """How far points are within the neckline; negative outside [m], shape [n].
 
-    The neckline lies in a plane that falls forward; farther from the neck than its opening is
-    wide, the plane bends up, over flat shoulders and raised arms.
+    An elliptic tube about the neck, tilted forward, cuts the shirt: wider than the neck's base, so
+    that the neckline lies on the shoulders. Flat shoulders and raised arms are beyond it. Its
+    bottom keeps it from running down a steep back.
     """
     neck = measures.neck_base
     offset = x - neck.centre
-    above = offset @ np.array([np.sin(_COLLAR_TILT), 0.0, np.cos(_COLLAR_TILT)])
+    up = offset @ np.array([np.sin(_COLLAR_TILT), 0.0, np.cos(_COLLAR_TILT)])
+    forward = offset @ np.array([np.cos(_COLLAR_TILT), 0.0, -np.sin(_COLLAR_TILT)])
     wide = 1.1 * neck.radius + _COLLAR_EASE * measures.unit
-    away = np.linalg.norm(offset[:, :2], axis=1)
-    return above - np.maximum(away**2 / wide - wide, 0.0)
+    # The front is lower than the back, which stays where it is.
+    along = forward / _COLLAR_LENGTH - (_COLLAR_LENGTH - 1.0) * wide
+    within = wide - np.hypot(along, offset[..., 1])
+    return np.minimum(within, up + _COLLAR_DEPTH * neck.radius)
 
 
 def _largest_part(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:

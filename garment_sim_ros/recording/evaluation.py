@@ -17,7 +17,7 @@ from garment_sim_ros.recording.previews import Figure, Look, animation, film_ind
 from garment_sim_ros.recording.render import RenderingUnavailableError
 from garment_sim_ros.recording.summary import figures, summarize
 
-_FILM_RATE = 15.0
+_FILM_RATE = 20.0
 Progress = Callable[[Iterable[Any], str, int], Iterable[Any]]
 
 

@@ -25,7 +25,7 @@ from garment_sim_ros.recording.render import (
 _AZIMUTH = math.radians(38.0)  # of the eye from where the body faces
 _ELEVATION = 0.14  # of the eye above the target, over the distance
 _MARGIN = 1.12  # of the picture around the figure
-_PALETTE = 160
+_PALETTE = 256
 Picture = TypeVar("Picture")
 
 
@@ -105,7 +105,7 @@ def animation(
     path: Path,
     *,
     rate: float,
-    size: tuple[int, int] = (300, 440),
+    size: tuple[int, int] = (480, 640),
     progress: Callable[[Iterable[Any], int], Iterable[Any]] = lambda items, total: items,
 ) -> None:
     """Write a looping GIF.

@@ -36,6 +36,7 @@ _FLOOR = np.array([0.66, 0.67, 0.70], np.float32)
 _FLOOR_CELL = 0.5  # spacing of the lines on the floor [m]
 _FLOOR_LINE = 0.14  # how much darker they are
 _FLOOR_LINE_WIDTH = 0.006  # half of it [m]
+_THROUGH = 0.45  # of the sky's light that comes to the inside of cloth through it
 _KEY = np.array([2.15, 2.05, 1.90], np.float32)
 _SKY_UP = np.array([0.62, 0.67, 0.76], np.float32)
 _SKY_DOWN = np.array([0.36, 0.33, 0.31], np.float32)
@@ -71,7 +72,7 @@ class Surface:
     vertices: AnyArray
     triangles: NDArray[np.int32]
     color: Color
-    inside: float = 0.5
+    inside: float = 0.75
     gloss: float = 0.0
 
 
@@ -290,6 +291,7 @@ def _shade_surfaces(
     facing = np.maximum((normal * light).sum(axis=1), 0.0)
     key = facing * _light_seen(scene, point, light, samples)
     sky = _sky_seen(scene, point, normal, samples)
+    sky = np.where(from_inside, np.maximum(sky, np.float32(_THROUGH)), sky)
     up = 0.5 + 0.5 * normal[:, 2:3]
     ambient = (_SKY_UP * up + _SKY_DOWN * (1.0 - up)) * sky[:, None]
     shaded = base * (key[:, None] * _KEY * 0.42 + ambient)

@@ -117,6 +117,39 @@ def test_a_shirt_s_ease_is_its_distance_from_the_trunk():
     assert found[1] - found[0] == pytest.approx(0.03, abs=0.005)
 
 
+def openings(garment):
+    """Hem and neckline, as vertices in order."""
+    loops = sorted(boundary_loops(garment.triangles), key=lambda v: garment.vertices[v, 2].mean())
+    return loops[0], loops[-1]
+
+
+@pytest.mark.parametrize("length", [0.2, 0.8, 1.0])
+def test_a_shirt_s_length_is_where_its_hem_is(length):
+    shirt, measures = tshirt(body(), vertices=800, length=length), Measures(body())
+    hem, _ = openings(shirt)
+    wanted = measures.waist - length * (measures.waist - measures.hips)
+    assert np.abs(shirt.vertices[hem, 2] - wanted).max() < 0.003
+
+
+@pytest.mark.parametrize("height", [1.45, 1.65, 2.0])
+def test_a_shirt_s_neckline_lies_on_the_base_of_the_neck(height):
+    """All around the neck, close to the skin, lower in front, and no wider than shirts are."""
+    wearer = body(f"mannequin:vertices=2000,height={height}")
+    shirt, measures = tshirt(wearer), Measures(wearer)
+    _, neckline = openings(shirt)
+    x, neck = shirt.vertices[neckline], measures.neck_base
+    gap = MeshDistance(wearer.skin.vertices, wearer.skin.triangles).signed_distance(x)[0]
+    assert gap.min() > 0.002
+    assert gap.max() < 0.017 * measures.unit
+    front, back = x[np.argmax(x[:, 0])], x[np.argmin(x[:, 0])]
+    assert 0.04 * measures.unit < back[2] - front[2] < 0.09 * measures.unit
+    apart = np.linalg.norm(x[:, :2] - neck.centre[:2], axis=1)
+    assert 0.9 * neck.radius < apart.min()
+    assert apart.max() < 2.0 * neck.radius
+    angle = np.sort(np.arctan2(x[:, 1] - neck.centre[1], x[:, 0] - neck.centre[0]))
+    assert np.diff(angle, append=angle[0] + 2.0 * np.pi).max() < 1.0
+
+
 @pytest.mark.parametrize("name", MAKERS)
 def test_pins(name):
     garment = made(name)

@@ -82,6 +82,23 @@ def test_floor_takes_a_shadow_and_the_inside_is_darker():
     assert dark < 0.8 * bright
 
 
+def test_light_comes_through_to_the_inside_of_a_closed_garment():
+    """Seen through a slit, the inside of a tube is an eighth as bright as its outside."""
+    angle = np.linspace(0.2, 2.0 * np.pi - 0.2, 41)
+    ring = 0.1 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    low, high = (np.column_stack([ring, np.full(41, z)]) for z in (0.3, 0.7))
+    a = np.arange(40)
+    triangles = np.concatenate(
+        [np.stack([a, a + 1, a + 42], 1), np.stack([a, a + 42, a + 41], 1)]
+    ).astype(np.int32)
+    tube = Surface(vertices=np.concatenate([low, high]), triangles=triangles, color=(1, 0, 0))
+    picture = render([tube], CAMERA, WIDTH, HEIGHT)
+    inside = picture[HEIGHT // 2, WIDTH // 2, 0] / 255.0
+    behind = Camera(position=np.array([-4.0, 0.0, 0.5]), target=np.array([0.0, 0.0, 0.5]))
+    outside = render([tube], behind, WIDTH, HEIGHT)[HEIGHT // 2, WIDTH // 2, 0] / 255.0
+    assert (inside / outside) ** 2.2 > 0.12
+
+
 def test_same_scene_gives_the_same_bytes():
     scene = [sphere(0.3, [0, 0, 0.5], color=color("#336699"), gloss=0.2)]
     first, second = (render(scene, CAMERA, WIDTH, HEIGHT) for _ in range(2))
@@ -116,3 +133,24 @@ def test_previews_keep_the_whole_figure_in_the_picture(tmp_path):
         assert film.n_frames == 3
         assert film.info["duration"] == 100
         assert film.info["loop"] == 0
+
+
+def test_a_film_is_not_dithered(tmp_path):
+    """Without dithering few pixels differ from all of their neighbours."""
+    mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.5)
+    look = Look(
+        skin_triangles=mesh.faces.astype(np.int32), garment_triangles=(), garment_colours=()
+    )
+    root = np.array([0.0, 0.0, 0.5])
+    figure, moved = (
+        Figure(skin=mesh.vertices + np.array([0, y, 0.5]), garments=(), root=root)
+        for y in (0.0, 0.01)
+    )
+    animation([figure, moved], look, tmp_path / "preview.gif", rate=20.0)
+    with Image.open(tmp_path / "preview.gif") as film:
+        assert film.size == (480, 640)
+        assert film.info["duration"] == 50
+        index = np.asarray(film.convert("RGB")).astype(int) @ [1, 256, 65536]
+    inner = index[1:-1, 1:-1]
+    around = (index[:-2, 1:-1], index[2:, 1:-1], index[1:-1, :-2], index[1:-1, 2:])
+    assert np.all([inner != other for other in around], axis=0).mean() < 0.1

@@ -22,8 +22,11 @@ from garment_sim_ros.sim.solvers.xpbd.order import inward_order
 from garment_sim_ros.sim.solvers.xpbd.prepared import Prepared
 from garment_sim_ros.sim.state import Workspace
 
-_SWING = np.pi / 3
-"""The farthest that hinges, by themselves, may swing from one pass to the next [rad]."""
+_SWING = 0.45
+"""The farthest that hinges, by themselves, may swing from one pass to the next [rad], where passes
+are several sub-steps apart: with more, hems curl and flutter."""
+_STIFFEST = np.pi / 3
+"""The same where they have a pass in every sub-step, together with the edges."""
 
 
 @dataclass(kw_only=True)
@@ -181,11 +184,11 @@ class XpbdWorkspace(Workspace):
         divisors = (n for n in range(search_every, 1, -1) if whole % n == 0)
         self.bend_every = next((n for n in divisors if n * dt * fastest <= _SWING), 1)
         time = dt * self.bend_every
-        swing = np.maximum(time * self.hinge_rate, _SWING)
+        swing = np.maximum(time * self.hinge_rate, _STIFFEST)
         prepare_hinges(
             ready.hinge_particles,
             self.hinge_weight,
-            self.hinge_stiffness * (_SWING / swing) ** 2,
+            self.hinge_stiffness * (_STIFFEST / swing) ** 2,
             model.inverse_mass,
             1.0 / (1.0 + time * rate),
             time,
