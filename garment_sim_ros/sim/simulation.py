@@ -263,7 +263,7 @@ class Simulation(ByName):
         """Advances all garments by several steps of the solver taken as one.
 
         There are as many sub-steps and searches for contacts as in one: the edges are longer, and
-        it takes half of the time.
+        it takes less time.
 
         Args:
             poses_start: World poses of the colliders at the start.
