@@ -137,6 +137,7 @@ def by_the_node(simulation: Simulation, path: list, every: int) -> Iterator[tupl
         teleport_turn_rate=p.teleport_turn_rate,
         on_teleport=p.on_teleport,
         time_jump=p.time_jump,
+        longest_lag=p.longest_lag,
     )
     last_stall = -1.0
     for n, poses in enumerate(path):

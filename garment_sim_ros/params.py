@@ -310,9 +310,17 @@ class ClothNodeParameters:
     normals: bool = parameter(False, "Add vertex normals to the points.")
     catch_up: float = parameter(
         0.1,
-        "Longest time that is simulated within one frame; poses beyond it are skipped.",
+        "Longest time that is simulated within one frame; what is due beyond it comes later.",
         unit="s",
         minimum=0.01,
+        maximum=10.0,
+        needs=(needs("step_on", "timer"),),
+    )
+    longest_lag: float = parameter(
+        0.4,
+        "Longest time that the cloth lags behind as it catches up; poses beyond it are skipped.",
+        unit="s",
+        minimum=0.0,
         maximum=10.0,
         needs=(needs("step_on", "timer"),),
     )

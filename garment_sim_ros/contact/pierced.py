@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.arrays import IntArray
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.cores import Cores
 from garment_sim_ros.contact.crossings import find_hits, overlaps
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
@@ -157,6 +157,7 @@ class PiercedSoFar:
 
     Attributes:
         now: Bones that run through each garment in the latest frame.
+        cores_now: The cores that do, as rows of `posed_cores`.
     """
 
     def __init__(self, colliders: ColliderSet, names: Sequence[str]) -> None:
@@ -164,16 +165,23 @@ class PiercedSoFar:
         self._garments: Counter[str] = Counter()
         self._any = 0
         self.now: dict[str, tuple[str, ...]] = dict.fromkeys(names, ())
+        self.cores_now: dict[str, tuple[int, ...]] = dict.fromkeys(names, ())
 
     def add(self, poses: ColliderPoses, garments: Posed) -> None:
         """Look at one frame; see `PiercedMeter.add`."""
         looker = self._looker
-        through: dict[str, set[str]] = {name: set() for name in self.now}
+        through: dict[str, set[int]] = {name: set() for name in self.now}
         for hits in filter(looker.counts, looker.look(poses, garments)):
-            through[hits.garment].add(looker.cores.bone[hits.core])
-        self.now = {name: tuple(sorted(bones)) for name, bones in through.items()}
-        self._garments.update(name for name, bones in through.items() if bones)
+            through[hits.garment].add(hits.core)
+        self.cores_now = {name: tuple(sorted(cores)) for name, cores in through.items()}
+        bone = looker.cores.bone
+        self.now = {name: tuple(sorted({bone[k] for k in c})) for name, c in through.items()}
+        self._garments.update(name for name, cores in through.items() if cores)
         self._any += any(through.values())
+
+    def posed_cores(self, poses: ColliderPoses) -> FloatArray:
+        """Ends of all cores in the world [m], shape [c, 2, 3]."""
+        return self._looker.cores.posed(poses)
 
     def share(self, name: str | None = None) -> float:
         """Share of the frames in which a garment was pierced; any of them where None."""

@@ -30,6 +30,7 @@ from garment_sim_ros.ros.progress import reporting
 from garment_sim_ros.ros.rclpy_internals import PARTICIPANT, Taken
 from garment_sim_ros.ros.sources import OTHER_PUBLISHER, Source
 from garment_sim_ros.sim.account import account, in_words
+from garment_sim_ros.sim.health import totals
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.sim.world.wind_field import check_wind
@@ -204,13 +205,11 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
                 "step_ms": self._step_ms,
                 **self._watch.figures()._asdict(),
                 "resets": stepper.resets,
-                "garments_put_back": sum(h.resets for h in health),
-                "particles_recovered": sum(h.recovered for h in health),
-                "particles_held": sum(h.held for h in health),
-                "particles_let_go": sum(h.let_go for h in health),
-                "particles_tangled": sum(h.tangled for h in health),
+                **totals(health),
                 "teleports": stepper.teleports,
                 "outran_cloth": stepper.simulation.outran,
+                "lag_s": stepper.lag / SECOND,
+                "coarse_s": stepper.coarse / SECOND,
                 "skipped_s": stepper.skipped / SECOND,
                 "input_period_ms": 1e3 * stepper.period / SECOND,
                 "solver_steps": stepper.steps,
@@ -269,6 +268,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             teleport_turn_rate=p.teleport_turn_rate,
             on_teleport=p.on_teleport,
             time_jump=p.time_jump,
+            longest_lag=p.longest_lag,
         )
         self._watch = dressed.watch
         self._qualities = [
@@ -359,8 +359,8 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         self._frames += 1
         if self._quality.get_subscription_count():
             figures: dict[str, object] = {
-                "step_ms": self._step_ms,
-                "late_frames": self._late_frames,
+                **{"step_ms": self._step_ms, "late_frames": self._late_frames},
+                "coarse_s": stepper.coarse / SECOND,
                 "skipped_s": stepper.skipped / SECOND,
             }
             message = DiagnosticArray(

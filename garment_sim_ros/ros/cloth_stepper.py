@@ -20,6 +20,12 @@ _FEWEST = 4
 _PARTS = 6
 """Time that is passed over goes by in so many parts with steps between them, in which limbs that
 were carried into the cloth push it out again: in one part they end deep in it."""
+_UNSTEADY = SECOND // 4
+"""Jumps that follow on each other in less time [ns] are waited for to end,"""
+_STEADY = SECOND // 10
+"""until there was none for so long [ns]."""
+_COARSE = 3
+"""Steps that are taken as one where the garments lag behind."""
 _CATCHING_UP = 3
 """Garments that were put on catch up within so many times the frames that it takes where the body
 stands still; a machine that is slower than that passes time over."""
@@ -39,6 +45,7 @@ class ClothStepper:
         on_teleport: What follows: "reset" puts the garments on anew, "keep" takes them along as
             they are, "ignore" simulates the way.
         time_jump: Stamps farther apart begin a new time [s].
+        longest_lag: How far the garments may lag behind while they catch up [s].
 
     Attributes:
         time: Simulated time [ns], None before the first poses.
@@ -46,6 +53,8 @@ class ClothStepper:
         resets: Times the garments were put on anew, the first time not counted.
         teleports: Jumps of the body.
         skipped: Time that was passed over because there was too much of it [ns].
+        coarse: Time that was simulated in coarse steps because there was much of it [ns].
+        lag: How far the garments lag behind, as they catch up [ns].
         is_behind: Whether the garments were put on and have not caught up yet with the body, which
             moved on in the meantime: they are not to be shown.
         delay: As given.
@@ -61,18 +70,22 @@ class ClothStepper:
         teleport_turn_rate: float,
         on_teleport: str,
         time_jump: float,
+        longest_lag: float,
     ) -> None:
         self.simulation = simulation
         self.time: int | None = None
         self.steps = 0
         self.resets = 0
         self.teleports = 0
-        self.skipped = 0
+        self.skipped = self.coarse = self.lag = 0
         self.is_behind = False
         self._frames_left: int | None = None
         self.delay = delay
         self._step = round(simulation.solver_step * SECOND)
         self._most_steps = max(1, round(catch_up * SECOND) // self._step)
+        self._most_lag = round(longest_lag * SECOND) // self._step
+        self._is_late = False
+        self._late_steps = 0
         self._jump = {"speed": teleport_speed, "turn_rate": teleport_turn_rate}
         self._on_teleport = on_teleport
         self._order = StampOrder(time_jump)
@@ -81,7 +94,8 @@ class ClothStepper:
         self._latency = 0.0
         self._messages = 0
         self._starts_anew = True
-        self._carries = False
+        self._carries = self._is_unsteady = False
+        self._jumped = -_UNSTEADY
         count = len(simulation.collider_set)
         self._now, self._next = ColliderPoses.identity(count), ColliderPoses.identity(count)
 
@@ -117,6 +131,8 @@ class ClothStepper:
             if has_jumped(newest, poses, time, root=root, **self._jump):
                 self.teleports += 1
                 anew = self._on_teleport == "reset"
+                self._is_unsteady = stamp - self._jumped < _UNSTEADY
+                self._jumped = stamp
                 if self._on_teleport == "keep":
                     self._carries = True
                     self._buffer.clear()
@@ -163,13 +179,17 @@ class ClothStepper:
 
         Args:
             until: The time [ns].
-            in_time: Whether to take no more steps than `catch_up` allows.
+            in_time: Whether to take no more steps than `catch_up` allows. Where more are due they
+                are coarse, then they come later, up to the longest lag, then time is passed over.
 
         Returns:
             Whether the garments moved.
         """
         if not self.has_poses:
             return False
+        if self._waits(self._buffer.newest[0]):
+            self._take_along(*self._buffer.newest)
+            return True
         if self._starts_anew or self.time is None:
             self._put_on(*self._buffer.newest)
             if in_time:
@@ -186,16 +206,19 @@ class ClothStepper:
             steps = self._catch_up(steps)
         if steps <= 0:
             return False
-        over = max(0, steps - self._most_steps) if in_time else 0
-        parts = min(_PARTS, steps - over) if over else 1
+        over, taken = self._divide(steps) if in_time else (0, steps)
+        parts = min(_PARTS, taken) if over else 1
         for part in range(parts):
             self._pass_over(_share(over, part, parts))
-            for _ in range(_share(steps - over, part, parts)):
-                self.time += self._step
-                self._buffer.at(self.time, self._next)
-                self._move()
+            self._simulate(_share(taken, part, parts), coarse=in_time and self._is_late)
         self._buffer.forget_before(self.time)
         return True
+
+    def _waits(self, stamp: int) -> bool:
+        """Whether putting on has to wait: poses that jump again and again are no body's."""
+        if self.time is None or not (self._starts_anew and self._is_unsteady):
+            return False
+        return stamp - self._jumped < _STEADY
 
     def _put_on(self, stamp: int, poses: ColliderPoses) -> None:
         self.resets += self.time is not None
@@ -215,6 +238,31 @@ class ClothStepper:
         self.is_behind = steps > self._most_steps and self._frames_left > 0
         return self._most_steps if self.is_behind else steps
 
+    def _divide(self, steps: int) -> tuple[int, int]:
+        """Of so many steps that are due: those to pass over, and those to simulate now.
+
+        What is left comes later: the garments lag behind, and catch up in the next frames. Where
+        that takes long the machine is too slow for it, and less and less lag is allowed.
+        """
+        taken = min(steps, self._most_steps)
+        left = steps - taken
+        self._is_late = left > 0 or (self._is_late and steps > self._most_steps // 2)
+        self._late_steps = self._late_steps + taken if self._is_late else 0
+        allowed = max(0, self._most_lag - self._late_steps // 2)
+        over = max(0, left - allowed)
+        self.lag = (left - over) * self._step
+        return over, taken
+
+    def _simulate(self, steps: int, *, coarse: bool) -> None:
+        """Take so many steps; where they are coarse, some at once."""
+        assert self.time is not None
+        while steps > 0:
+            at_once = min(steps, _COARSE) if coarse else 1
+            steps -= at_once
+            self.time += at_once * self._step
+            self._buffer.at(self.time, self._next)
+            self._move(at_once)
+
     def _take_along(self, stamp: int, poses: ColliderPoses) -> None:
         """Take the garments along on a jump; time until then is passed over."""
         self.simulation.transport(self._now, poses)
@@ -233,10 +281,14 @@ class ClothStepper:
         self.simulation.transport(self._now, self._next)
         self._now, self._next = self._next, self._now
 
-    def _move(self) -> None:
-        self.simulation.advance(self._now, self._next)
+    def _move(self, steps: int) -> None:
+        if steps == 1:
+            self.simulation.advance(self._now, self._next)
+        else:
+            self.simulation.advance_coarsely(self._now, self._next, steps)
+            self.coarse += steps * self._step
         self._now, self._next = self._next, self._now
-        self.steps += 1
+        self.steps += steps
 
 
 def _share(whole: int, part: int, parts: int) -> int:

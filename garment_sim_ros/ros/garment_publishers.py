@@ -108,6 +108,7 @@ class GarmentQuality:
             "rms_speed": health.rms_speed,
             "max_speed": health.max_speed,
             "resets": health.resets + resets,
+            "rewound": health.rewound + health.rewound_parts,
             "recovered": health.recovered,
             "held": health.held,
             "let_go": health.let_go,

@@ -1,5 +1,6 @@
 """Counts and readings of one garment, for diagnostics."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 
@@ -12,6 +13,8 @@ class Health:
         resets: Times it was put back to its last good state because too much of it was not
             finite, or absurdly far away or fast.
         recovered: Particles that were, and were put back among their neighbours.
+        rewound: Times it was no longer worn right and all of it was wound back, see `rewinding`.
+        rewound_parts: Times it was so, and a part was enough.
         held: Free particles that a limit held in the last step: tethers, or a distance from skin;
             and pairs of the garment's own parts that were kept apart.
         let_go: Free particles so stretched that what passes their garment by passes through them.
@@ -25,6 +28,8 @@ class Health:
     steps: int = 0
     resets: int = 0
     recovered: int = 0
+    rewound: int = 0
+    rewound_parts: int = 0
     held: int = 0
     let_go: int = 0
     tangled: int = 0
@@ -32,3 +37,17 @@ class Health:
     contacts: int = 0
     rms_speed: float = 0.0
     max_speed: float = 0.0
+
+
+def totals(garments: Sequence[Health]) -> dict[str, int]:
+    """What happened to all garments so far, by the names that diagnostics have."""
+    names = {
+        "garments_put_back": "resets",
+        "garments_rewound": "rewound",
+        "garment_parts_rewound": "rewound_parts",
+        "particles_recovered": "recovered",
+        "particles_held": "held",
+        "particles_let_go": "let_go",
+        "particles_tangled": "tangled",
+    }
+    return {name: sum(getattr(h, of) for h in garments) for name, of in names.items()}

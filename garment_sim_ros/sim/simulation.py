@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -17,13 +18,18 @@ from garment_sim_ros.sim.loop import take_step
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.placement import GarmentLike, blend, rest_transforms
 from garment_sim_ros.sim.putting_on import rest_at, time_from
+from garment_sim_ros.sim.rewinding import Kept, Rewinding
 from garment_sim_ros.sim.settle import settle
 from garment_sim_ros.sim.solvers import SOLVERS
+from garment_sim_ros.sim.winding_back import moved_with_root, wind_back
 from garment_sim_ros.sim.world.collider_motion import ColliderMotion
 from garment_sim_ros.sim.world.root_motion import TakenOut, take_along
 from garment_sim_ros.sim.world.wind_field import Wind, check_wind
 from garment_sim_ros.sim.world.wind_on_cloth import WindOnCloth
 from garment_sim_ros.sim.worn import Worn
+
+_REPLAY = 2.0
+"""What a garment is wound back to is replayed so many times as fast as it is put on."""
 
 
 class Simulation(ByName):
@@ -102,6 +108,8 @@ class Simulation(ByName):
         self.time = 0.0
         self.outran = 0
         self._view = {n: GarmentView(w, self.origin) for n, w in self._worn.items()}
+        self._rewinding = Rewinding(colliders, self._worn, self.origin, self._T_world_rest)
+        self._coarseness = 1
         self._at = ColliderPoses.identity(len(colliders))
         self._is_on = False
         self._wind_on: dict[str, WindOnCloth] = {}
@@ -171,6 +179,7 @@ class Simulation(ByName):
         for worn in self._worn.values():
             worn.health.settling_steps = self._settle(worn)
             worn.watch(colliders, self.solver_step)
+        self._rewinding.begin(poses)
 
     def _restart(self) -> None:
         """Time begins anew."""
@@ -246,6 +255,54 @@ class Simulation(ByName):
         self._motion.check(poses_end)
         self._go(poses_start, poses_end, dt)
         self._at.assign(poses_end)
+        self._look_after(poses_end)
+
+    def advance_coarsely(
+        self, poses_start: ColliderPoses, poses_end: ColliderPoses, steps: int
+    ) -> None:
+        """Advances all garments by several steps of the solver taken as one.
+
+        There are as many sub-steps and searches for contacts as in one: the edges are longer, and
+        it takes less time.
+
+        Args:
+            poses_start: World poses of the colliders at the start.
+            poses_end: World poses at the end.
+            steps: How many steps.
+
+        Raises:
+            MessageError: Poses that are not usable; nothing changes.
+        """
+        self._motion.check(poses_start)
+        self._motion.check(poses_end)
+        self._coarseness = steps
+        try:
+            self._go(poses_start, poses_end, self.solver_step * steps)
+        finally:
+            self._coarseness = 1
+        self._at.assign(poses_end)
+        self._look_after(poses_end)
+
+    def _look_after(self, poses: ColliderPoses) -> None:
+        """Winds garments back that limbs stay in; the colliders are in their last poses."""
+        for name in self._rewinding.look(self.time, poses):
+            wind_back(self._rewinding, self._worn[name], poses, self._replay)
+            self._rewinding.tried(name, self.time)
+            for _, pair in self._under[name]:
+                pair.forget()
+
+    def _replay(self, worn: Worn, kept: Kept, poses: ColliderPoses) -> None:
+        """Places one garment as it once was, and lets the body move from there to its poses."""
+        start = moved_with_root(kept, poses, self.collider_set.root)
+        steps = max(1, math.ceil(time_from(start.poses, poses) / _REPLAY / self.solver_step))
+        self._motion.interpolate(start.poses, start.poses, 0.0, 1.0)
+        worn.place(start.x.astype(float), self._colliders)
+        for n in range(steps):
+            self._motion.interpolate(start.poses, poses, n / steps, (n + 1) / steps)
+            self._begin(worn, self.solver_step)
+            take_step(self._solver, (worn,), (), self._colliders, self._acting, self.solver_step)
+            worn.finish(self._colliders, self.solver_step)
+        self._motion.interpolate(poses, poses, 0.0, 1.0)
 
     def _go(
         self, poses_start: ColliderPoses, poses_end: ColliderPoses, dt: float | None = None
@@ -269,13 +326,17 @@ class Simulation(ByName):
             return 1
         if not (math.isfinite(dt) and dt > 0.0):
             raise MessageError("step_not_positive", f"found {dt!r} s; above 0 s is allowed")
-        return max(1, math.ceil(dt / self.solver_step - 1e-6))
+        return max(1, math.ceil(dt / (self._coarseness * self.solver_step) - 1e-6))
 
     def _let_wind_change(self) -> None:
         """What acts in the next step is the wind as it is now."""
         self._acting = self._parameters.in_environment(
             self._wind.environment(self.time, self._parameters.environment)
         )
+        if self._coarseness > 1 and hasattr(self._acting.settings, "sub_step"):
+            settings = self._acting.settings
+            longer = replace(settings, sub_step=settings.sub_step * self._coarseness)
+            self._acting = replace(self._acting, settings=longer)
 
     def _watch(self, steps: int, dt: float) -> None:
         """Takes readings after so many steps of dt [s]."""

@@ -169,6 +169,27 @@ class Worn(Piece):
             state.x += moved[self.model.vertex].astype(np.float32)
         self._forget()
 
+    def wind_back(
+        self, x_world: FloatArray, v: SingleArray, share: FloatArray, origin: FloatArray
+    ) -> None:
+        """Moves vertices to where they were, and to the velocity of skin there.
+
+        Args:
+            x_world: Where each is to be [m], shape [v, 3].
+            v: Velocities of the particles if they were skin [m/s], shape [n, 3].
+            share: How much of the way each goes, shape [v].
+            origin: What the state is relative to [m], shape [3].
+        """
+        free = self.model.free_count
+        w = share[self.model.vertex[:free], None]
+        x, own = self.state.x, self.state.v
+        there = (np.asarray(x_world, np.float64) - origin)[self.model.vertex[:free]]
+        x[:free] = (1.0 - w) * x[:free] + w * there
+        own[:free] = (1.0 - w) * own[:free] + w * v[:free]
+        self.good.assign(self.state)
+        self._forget()
+        self.measure()
+
     def measure(self) -> None:
         """Measures the motion again, where something else than the solver changed it."""
         measure_motion(self.state.v[: self.model.free_count], self.workspace.motion)

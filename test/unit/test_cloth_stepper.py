@@ -36,7 +36,7 @@ class TestClothStepper:
             )
             simulation = Simulation((garment,), cloth.colliders(ball), solver_step=STEP / SECOND)
             values = {
-                **{"delay": 0.0, "catch_up": 0.1, "time_jump": 1.0},
+                **{"delay": 0.0, "catch_up": 0.1, "time_jump": 1.0, "longest_lag": 0.0},
                 **{"teleport_speed": 30.0, "teleport_turn_rate": 105.0, "on_teleport": "reset"},
             }
             stepper = ClothStepper(simulation, **{**values, **options})
@@ -121,6 +121,58 @@ class TestClothStepper:
         # The garments are carried along between the steps, not all the way at once.
         expected = [((k - 1) / 1000, k / 1000) for k in (10, 20, 30, 40, 50)]
         np.testing.assert_allclose(stepper.moves, expected, atol=1e-12)
+
+    def test_a_stall_is_caught_up_in_coarse_steps_before_time_is_passed_over(self, make):
+        stepper = make(catch_up=0.05, longest_lag=0.4)
+        self.feed(stepper, 0, 0.0)
+        stepper.advance(0)
+        stepper.advance(0)
+        lags = []
+        for now in range(1, 45):
+            self.feed(stepper, now * STEP, now / 1000)
+            if now < 31:
+                continue
+            stepper.advance(now * STEP)
+            assert stepper.time + stepper.lag == now * STEP
+            lags.append(stepper.lag // STEP)
+        assert lags == [26, 22, 18, 14, 10, 6, 2, *[0] * 7]
+        assert stepper.skipped == 0
+        # All of the way is simulated, the late part of it coarsely, then as always.
+        assert stepper.steps == 44
+        assert 26 * STEP < stepper.coarse <= 38 * STEP
+        coarse = stepper.coarse
+        self.feed(stepper, 45 * STEP, 0.0)
+        stepper.advance(45 * STEP)
+        assert stepper.coarse == coarse
+
+    def test_a_machine_that_stays_too_slow_does_not_lag_for_ever(self, make):
+        stepper = make(catch_up=0.05, longest_lag=0.4)
+        self.feed(stepper, 0, 0.0)
+        stepper.advance(0)
+        stepper.advance(0)
+        lags = []
+        for now in range(10, 500, 10):
+            self.feed(stepper, now * STEP, now / 1000)
+            stepper.advance(now * STEP)
+            lags.append(stepper.lag)
+        assert 0.1 * SECOND < max(lags) <= 0.4 * SECOND
+        assert lags[-1] == 0
+        assert stepper.skipped + stepper.steps * STEP == stepper.time
+
+    def test_poses_that_jump_again_and_again_are_waited_for(self, make):
+        stepper = make()
+        self.feed(stepper, 0, 0.0)
+        stepper.advance(0)
+        for i in range(1, 31):
+            self.feed(stepper, i * STEP, float(i % 2))
+            stepper.advance(i * STEP)
+        assert stepper.teleports == 30
+        assert stepper.resets == 1
+        for i in range(31, 45):
+            self.feed(stepper, i * STEP, 0.001 * i)
+            stepper.advance(i * STEP)
+        assert stepper.resets == 2
+        assert ("reset", 0.04) in stepper.moves
 
     def test_without_a_limit_nothing_is_passed_over(self, make):
         stepper = make(catch_up=0.05)

@@ -68,6 +68,7 @@ def main(asked) -> None:
         teleport_speed=30.0,
         teleport_turn_rate=105.0,
         on_teleport="keep",
+        longest_lag=0.4,
         time_jump=1.0,
     )
     rest = ColliderPoser(colliders, body).poses(rest_transforms(body.rig)).copy()

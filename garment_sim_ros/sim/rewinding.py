@@ -1,0 +1,222 @@
+"""Looks whether garments are still worn right, and keeps what they were like while they were.
+
+What breaks a garment for good (a limb on the wrong side of it after a jump or a gap, a skirt
+beside both legs) no contact can sort out: cloth is where contact holds it. A few looks in a second
+tell such a garment from one that a limb is passing: at the cores of body parts that run through
+its triangles, and at what is through its openings. What a garment was like while it was worn right
+is kept for a while, with the pose that it was worn in; `winding_back` has what follows.
+"""
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.arrays import FloatArray, SingleArray
+from garment_sim_ros.contact.pierced import PiercedSoFar
+from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.sim.motion import to_file_order
+from garment_sim_ros.sim.openings import Openings
+from garment_sim_ros.sim.placement import blend
+from garment_sim_ros.sim.worn import Worn
+
+_PERIOD = 0.1
+"""Time between two looks [s]."""
+_PATIENCE = 3
+"""Looks with a limb in the cloth, less those without, after which it will not come out."""
+_KEPT = 10
+"""States kept of a garment: one for each look that found nothing."""
+_TO_TRY = (1, 3, -1)
+"""Which of them are tried, in looks before the first that found something; the last is oldest."""
+_WAIT, _LONGEST_WAIT = 0.2, 3.0
+"""After a try the next one comes so much later, twice as long each time [s]."""
+_NEAR, _FAR = 0.15, 0.3
+"""Cloth nearer to the limb's core is wound back, beyond it is left, with a blend between [m]."""
+
+_BEARS = 0.5
+"""Strain of an overstretched edge."""
+
+
+class Kept(NamedTuple):
+    """A garment as it once was.
+
+    Attributes:
+        x: World positions of its vertices [m], shape [v, 3].
+        poses: World poses of the colliders then.
+    """
+
+    x: SingleArray
+    poses: ColliderPoses
+
+
+@dataclass
+class _Record:
+    """What is known of one garment."""
+
+    kept: deque[Kept]
+    openings: Openings
+    first: Kept | None = None
+    count: int = 0
+    is_off: bool = False
+    tries: int = 0
+    not_before: float = 0.0
+    good_since: float = 0.0
+    cores: tuple[int, ...] = field(default=())
+
+
+class Rewinding:
+    """Looks after the garments of one body.
+
+    Args:
+        colliders: The body's colliders.
+        worn: Its garments by name.
+        T_world_rest: Where the colliders are at rest, shape [n, 4, 4]; NaN where not known.
+        origin: World position that their states are relative to [m], shape [3], as it moves.
+    """
+
+    def __init__(
+        self,
+        colliders: ColliderSet,
+        worn: Mapping[str, Worn],
+        origin: FloatArray,
+        T_world_rest: FloatArray,
+    ) -> None:
+        self._worn = worn
+        self.origin = origin
+        self._limbs = PiercedSoFar(colliders, list(worn))
+        self._records = {
+            n: _Record(
+                deque(maxlen=_KEPT),
+                Openings(colliders, T_world_rest, w.model.triangles),
+            )
+            for n, w in worn.items()
+        }
+        self._next = 0.0
+        self._at = ColliderPoses.identity(len(colliders))
+        self._then = self._at
+
+    def begin(self, poses: ColliderPoses) -> None:
+        """The garments were put on: what they are now is good, and time begins anew."""
+        self._next = _PERIOD
+        self._at = self._then = poses.copy()
+        for name, worn in self._worn.items():
+            kept, old = Kept(self.positions(worn), poses.copy()), self._records[name]
+            old.openings.begin(kept.x, poses)
+            self._records[name] = _Record(deque(maxlen=_KEPT), old.openings, first=kept)
+
+    def look(self, time: float, poses: ColliderPoses) -> tuple[str, ...]:
+        """Looks, if it is time to.
+
+        Args:
+            time: Time simulated since `begin` [s].
+            poses: World poses of the colliders.
+
+        Returns:
+            Garments that limbs stay in, or that are off the body.
+        """
+        if time < self._next:
+            return ()
+        self._next = time + _PERIOD
+        posed = {name: self.positions(worn) for name, worn in self._worn.items()}
+        self._find(posed, poses)
+        broken = []
+        for name, record in self._records.items():
+            record.cores = self._limbs.cores_now[name]
+            record.is_off = record.openings.lost(posed[name], poses)
+            if record.cores or record.is_off:
+                record.count, record.good_since = min(record.count + 1, _PATIENCE), time
+            elif record.count:
+                record.count -= 1
+            elif np.isfinite(posed[name]).all():
+                record.kept.append(Kept(posed[name], poses.copy()))
+            if time - record.good_since > 2.0:
+                record.tries = 0
+            if record.count >= _PATIENCE and time >= record.not_before:
+                broken.append(name)
+        self._then, self._at = self._at, poses.copy()
+        return tuple(broken)
+
+    def tried(self, name: str, time: float) -> None:
+        """A garment was wound back, or nothing was found that it could be wound back to."""
+        record = self._records[name]
+        wait = min(_WAIT * 2.0**record.tries, _LONGEST_WAIT)
+        record.tries, record.count, record.not_before = record.tries + 1, 0, time + wait
+
+    def candidates(self, name: str) -> Iterator[Kept]:
+        """What a garment may be wound back to, newest first; older at once after each try."""
+        record = self._records[name]
+        kept = list(record.kept)
+        for back in _TO_TRY[min(record.tries, len(_TO_TRY)) :]:
+            if kept:
+                yield kept[0 if back < 0 else max(len(kept) - back, 0)]
+        if record.first is not None:
+            yield record.first
+
+    def is_well(self, worn: Worn, x: SingleArray, poses: ColliderPoses, bears: float) -> bool:
+        """Whether a garment may be put somewhere.
+
+        Args:
+            worn: The garment.
+            x: Its vertices [m], shape [v, 3].
+            poses: World poses of the colliders.
+            bears: Share of its edges that may be overstretched.
+        """
+        if not np.isfinite(x).all() or overstretched(worn, x) > bears:
+            return False
+        name = worn.garment.name
+        self._find({name: x}, poses)
+        is_off = self._records[name].openings.lost(x, poses)
+        return not (is_off or self._limbs.cores_now[name])
+
+    def skin_velocity(self, worn: Worn) -> SingleArray:
+        """How fast a garment would move as skin [m/s], in the order of its model, shape [n, 3]."""
+        then, now = worn.frames.world(self._then), worn.frames.world(self._at)
+        v = blend(worn.garment, now - then) / _PERIOD
+        return v[worn.model.vertex].astype(np.float32)
+
+    def part(self, name: str, x: SingleArray, good: SingleArray) -> NDArray[np.float64]:
+        """How much of each vertex is to be wound back where a part is enough, shape [v].
+
+        Args:
+            name: The garment.
+            x: Its vertices as they are [m], shape [v, 3].
+            good: Where they would be wound back to [m], shape [v, 3].
+        """
+        if self._records[name].is_off:
+            return np.ones(len(x))
+        ends = self._limbs.posed_cores(self._at)[list(self._records[name].cores)]
+        away = np.full(len(x), np.inf)
+        for start, end in ends:
+            for points in (x, good):
+                away = np.minimum(away, _distance(points, start, end - start))
+        share = np.clip((_FAR - away) / (_FAR - _NEAR), 0.0, 1.0)
+        weight: NDArray[np.float64] = share * share * (3.0 - 2.0 * share)
+        return weight
+
+    def _find(self, posed: Mapping[str, SingleArray], poses: ColliderPoses) -> None:
+        self._limbs.add(poses, {n: (x, self._worn[n].model.triangles) for n, x in posed.items()})
+
+    def positions(self, worn: Worn) -> SingleArray:
+        """World positions of a garment's vertices [m], shape [v, 3], a new array."""
+        x = np.empty((len(worn.model), 3), np.float32)
+        to_file_order(worn.state.x, worn.model.vertex, self.origin, x)
+        return x
+
+
+def overstretched(worn: Worn, x: SingleArray) -> float:
+    """Share of the edges of a garment that are too long with its vertices at x [m]."""
+    springs, vertex = worn.model.springs, worn.model.vertex
+    a, b = vertex[springs.particles.reshape(-1, 2)[springs.bending :]].T
+    longest = (1.0 + _BEARS) * springs.rest_length[springs.bending :]
+    return float(np.mean(np.linalg.norm(x[a] - x[b], axis=1) > longest))
+
+
+def _distance(x: SingleArray, start: FloatArray, way: FloatArray) -> NDArray[np.float64]:
+    """Distance of points from a segment [m], shape [v]."""
+    to = x - start
+    s = np.clip(to @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
+    away: NDArray[np.float64] = np.linalg.norm(to - s[:, None] * way, axis=1)
+    return away

@@ -1,0 +1,107 @@
+"""A garment that is broken for good is worn right again within half a second of calm."""
+
+import numpy as np
+import pytest
+
+from garment_sim_ros.contact.crossings import find_hits
+from garment_sim_ros.contact.shapes import Collider
+from garment_sim_ros.sim.simulation import Simulation
+
+FRAME = 1 / 60
+RINGS, AROUND = 13, 24
+ROD = np.array([[[0.0, -0.42, 0.0], [0.0, 0.42, 0.0]]])
+"""The core of a rod along y: the middle 70 %."""
+
+
+def worn(cloth, solver):
+    """A tube on a level rod, which it hangs from."""
+    angle = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
+    ring = 0.08 * np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=-1)
+    x = np.concatenate([ring + np.array([0, y, -0.02]) for y in np.linspace(-0.15, 0.15, RINGS)])
+    i = np.arange(AROUND)
+    j = (i + 1) % AROUND
+    two = np.concatenate([np.c_[i, i + AROUND, j], np.c_[j, i + AROUND, j + AROUND]])
+    triangles = np.concatenate([two + k * AROUND for k in range(RINGS - 1)]).astype(np.int32)
+    rod = Collider(
+        name="rod",
+        kind="capsule",
+        bone="bone",
+        position=[0.0, -0.6, 0.0],
+        orientation=[-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)],
+        geometry={"radius0": 0.04, "radius1": 0.04, "length": 1.2},
+    )
+    garment = cloth.garment(x, triangles, damping=1.0, friction=0.3)
+    simulation = Simulation(garment, cloth.colliders(rod), solver=solver)
+    simulation.step()
+    return simulation
+
+
+def rings_around(simulation):
+    """How many rings of the tube go around the rod."""
+    x = simulation["cloth"].positions.astype(float).reshape(RINGS, AROUND, 3)
+    turn = np.diff(np.arctan2(x[..., 2], x[..., 0]), axis=1, append=np.nan)
+    turn[:, -1] = np.arctan2(x[:, 0, 2], x[:, 0, 0]) - np.arctan2(x[:, -1, 2], x[:, -1, 0])
+    turn = (turn + np.pi) % (2 * np.pi) - np.pi
+    return int((np.abs(turn.sum(axis=1)) > 6.0).sum())
+
+
+def hits(simulation):
+    view = simulation["cloth"]
+    return find_hits(ROD, view.positions, view.triangles, np.empty(9, np.int32), np.empty(9))
+
+
+def calm(simulation, frames):
+    """Steps on; how far any point moves in a frame, but those in which something was mended."""
+    largest = 0.0
+    before, health = simulation["cloth"].positions, simulation["cloth"].health
+    for _ in range(frames):
+        mended = health.rewound + health.rewound_parts
+        simulation.step()
+        x = simulation["cloth"].positions
+        if mended == health.rewound + health.rewound_parts:
+            largest = max(largest, float(np.linalg.norm(x - before, axis=1).max()))
+        before = x
+    return largest
+
+
+@pytest.mark.parametrize("solver", ["xpbd", "relaxation", "implicit"])
+def test_cloth_beside_the_body_is_put_back(cloth, solver):
+    simulation = worn(cloth, solver)
+    calm(simulation, 30)
+    assert rings_around(simulation) == RINGS
+    good = simulation["cloth"].positions
+    simulation["cloth"].state.x[:, 0] += 0.3
+    calm(simulation, 30)
+    assert rings_around(simulation) == RINGS
+    assert hits(simulation) == 0
+    assert simulation["cloth"].health.rewound == 1
+    assert calm(simulation, 30) < 0.02
+    assert np.abs(simulation["cloth"].positions - good).max() < 0.03
+
+
+def test_a_limb_that_stays_in_the_cloth_is_out_of_it_again(cloth):
+    simulation = worn(cloth, "relaxation")
+    calm(simulation, 30)
+    # Rings in the middle are beside the rod, which runs through the wall on both sides of them.
+    view = simulation["cloth"]
+    good = view.positions
+    x = view.state.x
+    along = np.abs(x[:, 1] + simulation.origin[1])
+    shift = np.clip((0.08 - along) / 0.04, 0.0, 1.0)
+    x[:, 0] += (0.2 * shift).astype(np.float32)
+    assert hits(simulation) > 0
+    calm(simulation, 30)
+    assert hits(simulation) == 0
+    assert rings_around(simulation) == RINGS
+    assert view.health.rewound + view.health.rewound_parts == 1
+    assert np.abs(view.positions - good).max() < 0.05
+
+
+@pytest.mark.parametrize("solver", ["xpbd", "relaxation"])
+def test_what_is_worn_right_is_left_alone(cloth, solver):
+    simulation = worn(cloth, solver)
+    simulation["cloth"].state.v[:, 1] += 0.5
+    calm(simulation, 60)
+    assert rings_around(simulation) == RINGS
+    health = simulation["cloth"].health
+    assert (health.rewound, health.rewound_parts) == (0, 0)
