@@ -11,6 +11,8 @@ from garment_sim_ros.declaration import idle as idle
 from garment_sim_ros.declaration import markdown_table as markdown_table
 from garment_sim_ros.declaration import parameter as parameter
 from garment_sim_ros.declaration import validated as validated
+from garment_sim_ros.solver_params import ImplicitSettings as ImplicitSettings
+from garment_sim_ros.solver_params import XpbdSettings as XpbdSettings
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -361,51 +363,3 @@ class ClothNodeParameters:
         maximum=1e6,
     )
     frame_id: str = parameter("world", "Frame of poses and garments, z up.")
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class XpbdSettings:
-    """Numerical parameters of the `xpbd` solver."""
-
-    sub_step: float = parameter(
-        1 / 1080,
-        "Longest sub-step. Shorter ones give stiffer cloth and take longer.",
-        unit="s",
-        minimum=1e-5,
-        maximum=0.1,
-    )
-    iterations: int = parameter(
-        1, "Passes over the edges in each sub-step.", minimum=1, maximum=1000
-    )
-    search_every: int = parameter(
-        6,
-        "Sub-steps between two contact searches and two passes over the hinges; stiff hinges have "
-        "passes more often.",
-        minimum=1,
-        maximum=64,
-    )
-    strain_limit: float = parameter(
-        0.3,
-        "Strain of the longest edges: cloth that is pulled harder moves instead of stretching.",
-        minimum=0.01,
-        maximum=1e3,
-    )
-    coarse: bool = parameter(
-        False,
-        "Correct the stretch on a coarse level, too: less stretch with few sub-steps.",
-        needs=(needs("iterations", 1),),
-    )
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ImplicitSettings:
-    """Numerical parameters of the `implicit` solver."""
-
-    sub_step: float = parameter(
-        1 / 60,
-        "Longest sub-step. Shorter ones are more accurate and take longer.",
-        unit="s",
-        minimum=1e-4,
-        maximum=0.5,
-    )
-    iterations: int = parameter(8, "Descent steps in each sub-step.", minimum=1, maximum=200)

@@ -10,7 +10,7 @@ from garment_sim_ros.jit import lean_kernel
 
 _ROUNDS = 6
 HOLDS = 0.003
-"""What is pressed from two sides slips by what it is pulled farther in a sub-step, as a share of
+"""What is pressed from two sides slips by what it is pulled farther till a search, as a share of
 the longest shape: 1 mm on a human."""
 _FARTHEST = 4.0
 """A crease that is farther away than this, in depths, is none: the shapes oppose each other."""

@@ -125,6 +125,8 @@ class Openings:
 
     def lost(self, x: SingleArray, poses: ColliderPoses) -> bool:
         """Whether nothing is through an opening any more that something was through."""
+        if not self._worn:
+            return False  # It was not put on.
         now = self._through(x, self._cores.posed(poses))
         pairs = zip(self._worn, now, strict=True)
         return any(worn.any() and not (worn & is_now).any() for worn, is_now in pairs)

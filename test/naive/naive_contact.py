@@ -163,15 +163,10 @@ def touch_plane(
     is_pressed: bool,
     friction: float,
     dt: float,
-    holds: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Position and velocity of a particle after contact with a plane that moved to `place`.
-
-    Where it is pressed from two sides it slips by what it is pulled farther than `holds`.
-    """
+    """Position and velocity of a particle after contact with a plane that moved to `place`."""
     if is_pressed:
-        held = x_start + shift
-        return held + pulled(x - held, normal, holds), shift / dt
+        return x_start + shift, shift / dt
     depth = float((place - x) @ normal)
     if depth <= 0.0:
         return x, v

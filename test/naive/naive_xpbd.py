@@ -102,13 +102,14 @@ def pull_cells(
 
 def limit_strain(
     x: FloatArray,
+    x_before: FloatArray,
     edges: IntArray,
     rest_length: FloatArray,
     inverse_mass: FloatArray,
     normal: FloatArray,
     limit: float,
 ) -> FloatArray:
-    """Positions [n, 3] after passes over edges that are too long.
+    """Positions [n, 3] after passes over edges that are too long, and longer than before.
 
     Particles touch a surface with the given outward normals, NaN where they touch none, [n, 3].
     """
@@ -116,7 +117,8 @@ def limit_strain(
     for _ in range(10):
         for e, (i, j) in enumerate(edges):
             apart = x[i] - x[j]
-            over = float(np.linalg.norm(apart)) - (1.0 + limit) * rest_length[e]
+            before = float(np.linalg.norm(np.float64(x_before[i]) - x_before[j]))
+            over = float(np.linalg.norm(apart)) - max((1.0 + limit) * rest_length[e], before)
             total = inverse_mass[i] + inverse_mass[j]
             if over <= 0.0 or total == 0.0:
                 continue

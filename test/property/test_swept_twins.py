@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from naive import naive_contact
 
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
-from garment_sim_ros.contact.pinch import HOLDS, stay_between
+from garment_sim_ros.contact.pinch import stay_between
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER
 from garment_sim_ros.contact.sweep import Sweep, sweep
@@ -184,9 +184,7 @@ def test_planes(seed, dt, friction, searched):
             moves = at, speed, x_start[p].astype(np.float64), touched_at[p] + way, way
             out = normal[p].astype(np.float64)
             if not searched:
-                at, speed = naive_contact.touch_plane(
-                    *(*moves, out, pressed, friction, float(dt), HOLDS)
-                )
+                at, speed = naive_contact.touch_plane(*moves, out, pressed, friction, float(dt))
             elif not pressed:
                 radius = float(inscribed_radius[shape[p]])
                 at, speed = naive_contact.return_to_plane(*moves, out, radius, friction, float(dt))
@@ -195,7 +193,7 @@ def test_planes(seed, dt, friction, searched):
     if searched:
         return_to_planes(*arrays, inscribed_radius, friction, dt)
     else:
-        touch_planes(*arrays, friction, np.float32(HOLDS), dt)
+        touch_planes(*arrays, friction, dt)
     np.testing.assert_allclose(x, [e[0] for e in expected], atol=2e-6)
     # Positions are rounded to 2e-7 m.
     np.testing.assert_allclose(v, [e[1] for e in expected], atol=1e-6 / dt + 1e-6)

@@ -135,7 +135,6 @@ class Rule(NamedTuple):
         friction: Coulomb coefficient.
         held_friction: The same in cloth that something else holds, 0 in loose cloth; see
             `xpbd.planes`.
-        holds: What shapes press from two sides slips by what it is pulled farther [m].
         strain_limit: Strain of the longest edges.
         iterations: Passes over the edges in each sub-step.
         bend_every: Sub-steps for each pass over the hinges.
@@ -150,7 +149,6 @@ class Rule(NamedTuple):
     thickness: np.float32
     friction: np.float32
     held_friction: np.float32
-    holds: np.float32
     strain_limit: np.float32
     iterations: int
     bend_every: int

@@ -13,7 +13,6 @@ which is pulled so only where it began in a shape and has to get free of it.
 
 import numpy as np
 
-from garment_sim_ros.contact.pinch import pulled
 from garment_sim_ros.jit import kernel
 
 _SHALLOW = np.float32(0.02)
@@ -64,10 +63,10 @@ def follow_shapes(x, shape, carry, shift):
 
 
 @kernel(forceinline=True)
-def touch_planes(x, v, x_start, planes, friction, holds, dt):
+def touch_planes(x, v, x_start, planes, friction, dt):
     """Contact with the planes: friction and inelastic, as `contact.collide.collide` has it.
 
-    A particle that shapes press from two sides slips only where it is pulled hard.
+    A particle that shapes press from two sides has no slip.
 
     Args:
         x: Positions, changed in place [m], shape [n, 3].
@@ -75,7 +74,6 @@ def touch_planes(x, v, x_start, planes, friction, holds, dt):
         x_start: Positions at the start of the sub-step [m], shape [n, 3].
         planes: `Planes`; places are moved on in place.
         friction: Coulomb coefficient.
-        holds: What is pressed from two sides slips by what it is pulled farther [m].
         dt: Sub-step [s].
     """
     shape, normal, pressed = planes.shape, planes.normal, planes.depth
@@ -95,11 +93,9 @@ def touch_planes(x, v, x_start, planes, friction, holds, dt):
         place[p, 1] += ry
         place[p, 2] += rz
         if pressed[p] == np.float32(np.inf):
-            ux, uy, uz = x_start[p, 0] + rx, x_start[p, 1] + ry, x_start[p, 2] + rz
-            slip = pulled((x[p, 0] - ux, x[p, 1] - uy, x[p, 2] - uz), (nx, ny, nz), holds)
-            x[p, 0] = ux + slip[0]
-            x[p, 1] = uy + slip[1]
-            x[p, 2] = uz + slip[2]
+            x[p, 0] = x_start[p, 0] + rx
+            x[p, 1] = x_start[p, 1] + ry
+            x[p, 2] = x_start[p, 2] + rz
             v[p, 0] = rx * rate
             v[p, 1] = ry * rate
             v[p, 2] = rz * rate

@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 
-from garment_sim_ros.contact.pinch import HOLDS
 from garment_sim_ros.jit import compiled
 from garment_sim_ros.params import XpbdSettings
 from garment_sim_ros.sim.colliders import ColliderState
@@ -191,7 +190,6 @@ def _rule(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Rule:
         thickness=np.float32(max(model.material.thickness, step.colliders.thickness)),
         friction=friction,
         held_friction=friction if held else np.float32(0.0),
-        holds=np.float32(HOLDS * step.colliders.shapes.longest),
         strain_limit=np.float32(settings.strain_limit),
         iterations=settings.iterations,
         bend_every=workspace.bend_every,

@@ -29,12 +29,13 @@ def _draw(x, planes, p, way):
         x[p, axis] += way[axis]
 
 
-@kernel()
-def limit_strain(x, particles, edges, planes, limit):
+@kernel(forceinline=True)
+def limit_strain(x, x_before, particles, edges, planes, limit):
     """Draws the ends of edges together that are too long.
 
     Args:
         x: Positions, changed in place [m], shape [n, 3].
+        x_before: Positions at the last search [m], shape [n, 3].
         particles: Ends, flat, shape [2 m].
         edges: From `prepare_edges`, shape [m, 4].
         planes: `Planes`; of them shapes and normals that the search found.
@@ -50,10 +51,12 @@ def limit_strain(x, particles, edges, planes, limit):
             if not squared > most * most * edges[e, 0]:
                 continue
             both = edges[e, 1] + edges[e, 2]
-            if not both > np.float32(0.0):
+            before = less(row(x_before, i), row(x_before, j))
+            longest = max(most * most * edges[e, 0], dot(before, before))
+            if not (both > np.float32(0.0) and squared > longest):
                 continue
             found = True
-            share = (np.float32(1.0) - most * np.sqrt(edges[e, 0] / squared)) / both
+            share = (np.float32(1.0) - np.sqrt(longest / squared)) / both
             a, b = -share * edges[e, 1], share * edges[e, 2]
             _draw(x, planes, i, (a * d[0], a * d[1], a * d[2]))
             _draw(x, planes, j, (b * d[0], b * d[1], b * d[2]))

@@ -177,7 +177,6 @@ def solve(own, elastic, frames, planes, rule, first, last, searches):
                 own.x_start[:free],
                 planes,
                 rule.friction,
-                rule.holds,
                 dt,
             )
 
@@ -267,7 +266,7 @@ def stop(own, ready, carry, planes, rule):
     """
     free, dt = rule.free, rule.dt
     x, v, x_start = own.x[:free], own.v[:free], own.x_start[:free]
-    limit_strain(own.x, ready.edge_particles, ready.edges, planes, rule.strain_limit)
+    limit_strain(own.x, own.x_search, ready.edge_particles, ready.edges, planes, rule.strain_limit)
     stop_at_contacts(
         x, v, x_start, own.x_predicted[:free], planes, carry, rule.friction, dt, own.motion
     )
