@@ -27,9 +27,9 @@ class XpbdSettings:
         maximum=64,
     )
     strain_limit: float = parameter(
-        1e3,
-        "Strain of the longest edges: cloth that is pulled harder moves instead of stretching.",
-        minimum=0.01,
+        0.0,
+        "Strain that edges do not grow beyond: cloth pulled harder moves instead. 0: no limit.",
+        minimum=0.0,
         maximum=1e3,
     )
     coarse: bool = parameter(

@@ -9,9 +9,9 @@ from garment_sim_ros.geometry.vectors import along, dot, length, less, plus, row
 from garment_sim_ros.jit import lean_kernel
 
 _ROUNDS = 6
-HOLDS = 0.003
-"""What is pressed from two sides slips by what it is pulled farther till a search, as a share of
-the longest shape: 1 mm on a human."""
+_HOLDS = 0.003
+"""What is pressed from two sides slips by what it is pulled farther in a step, as a share of the
+longest shape: 1 mm on a human."""
 _FARTHEST = 4.0
 """A crease that is farther away than this, in depths, is none: the shapes oppose each other."""
 _CREASE = 0.025
@@ -24,11 +24,11 @@ def stay_between(shapes, posed, side, p, x_start, asked, place, k, thickness, ro
     """Where particle p, which came out of more than one shape, is held between two of them.
 
     Moved out of one after the other, in each step from where its neighbours have pulled it, it
-    would never come to rest. But what two sides press has no slip: it stays where it moved to with
-    shape k from the start of the step. From there it is moved only as far as the two shapes, the
-    nearest and the nearest that faces it, ask for: to the crease where they meet or, where that is
-    too far away, to the middle between them. Where nothing has moved that is nowhere, whatever the
-    order of shapes.
+    would never come to rest. What two sides press stays where it moved to with shape k from the
+    start of the step, but for a slip where its neighbours pull hard, see `pulled`. From there it
+    is moved only as far as the two shapes, the nearest and the nearest that faces it, ask for: to
+    the crease where they meet or, where that is too far away, to the middle between them. Where
+    nothing has moved that is nowhere, whatever the order of shapes.
 
     Args:
         shapes: Packed shapes.
@@ -55,7 +55,7 @@ def stay_between(shapes, posed, side, p, x_start, asked, place, k, thickness, ro
         if step == 0:
             if not facing < np.float32(np.inf):
                 return place, False
-            slips = pulled(less(asked, at), less(a, b), np.float32(HOLDS) * shapes.longest)
+            slips = pulled(less(asked, at), less(a, b), np.float32(_HOLDS) * shapes.longest)
             at = plus(at, slips)
             if dot(slips, slips) > np.float32(0.0):
                 continue

@@ -135,7 +135,7 @@ class Rule(NamedTuple):
         friction: Coulomb coefficient.
         held_friction: The same in cloth that something else holds, 0 in loose cloth; see
             `xpbd.planes`.
-        strain_limit: Strain of the longest edges.
+        strain_limit: Strain that edges do not grow beyond, 0 without limit.
         iterations: Passes over the edges in each sub-step.
         bend_every: Sub-steps for each pass over the hinges.
         search_every: Sub-steps for each search for contacts.

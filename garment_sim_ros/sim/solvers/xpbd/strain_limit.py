@@ -1,10 +1,11 @@
-"""The longest that edges get: beyond it cloth moves along, whatever holds it.
+"""Edges do not grow beyond a strain: cloth that is pulled harder moves.
 
 A limb that takes cloth along, or presses it against another one, stretches single edges to many
-times their length, and cloth that comes free of it snaps back as no fabric does. After each search
-for contacts, ends of edges that are longer than the limit are drawn together, along surfaces that
-they touch and never into them (Provot 1995, "Deformation constraints in a mass-spring model").
-Velocities stay as they are: what is drawn together so gains no energy.
+times their length. After each search for contacts, edges that are longer than the limit, and
+longer than at the search before, are drawn back to the larger of the two, along surfaces that
+their ends touch and never into them (after Provot 1995, "Deformation constraints in a mass-spring
+model"). Drawn back to the limit itself, cloth that is held longer would never rest. Velocities
+stay as they are.
 """
 
 import numpy as np
@@ -12,8 +13,6 @@ import numpy as np
 from garment_sim_ros.geometry.vectors import along, dot, less, row
 from garment_sim_ros.jit import kernel, lean_kernel
 
-LIMIT = 0.5
-"""Strain of the longest edges: knitwear breaks at about 1, weaves far below."""
 _PASSES = 10
 
 
@@ -31,7 +30,7 @@ def _draw(x, planes, p, way):
 
 @kernel(forceinline=True)
 def limit_strain(x, x_before, particles, edges, planes, limit):
-    """Draws the ends of edges together that are too long.
+    """Draws the ends of edges together that are too long and have grown.
 
     Args:
         x: Positions, changed in place [m], shape [n, 3].
@@ -39,7 +38,7 @@ def limit_strain(x, x_before, particles, edges, planes, limit):
         particles: Ends, flat, shape [2 m].
         edges: From `prepare_edges`, shape [m, 4].
         planes: `Planes`; of them shapes and normals that the search found.
-        limit: Strain of the longest edges.
+        limit: Strain that edges do not grow beyond.
     """
     most = np.float32(1.0) + limit
     for _ in range(_PASSES):

@@ -171,14 +171,7 @@ def solve(own, elastic, frames, planes, rule, first, last, searches):
             np.float32(1.0) / dt,
         )
         if s + 1 < last or not searches:
-            touch_planes(
-                own.x[:free],
-                own.v[:free],
-                own.x_start[:free],
-                planes,
-                rule.friction,
-                dt,
-            )
+            touch_planes(own.x[:free], own.v[:free], own.x_start[:free], planes, rule.friction, dt)
 
 
 @kernel(inner=True)
@@ -266,7 +259,10 @@ def stop(own, ready, carry, planes, rule):
     """
     free, dt = rule.free, rule.dt
     x, v, x_start = own.x[:free], own.v[:free], own.x_start[:free]
-    limit_strain(own.x, own.x_search, ready.edge_particles, ready.edges, planes, rule.strain_limit)
+    if rule.strain_limit > 0.0:
+        limit_strain(
+            own.x, own.x_search, ready.edge_particles, ready.edges, planes, rule.strain_limit
+        )
     stop_at_contacts(
         x, v, x_start, own.x_predicted[:free], planes, carry, rule.friction, dt, own.motion
     )
