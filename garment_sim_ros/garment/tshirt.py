@@ -44,7 +44,7 @@ _FIT = 0.5  # 0: follows the waist; 1: straight from the armpits to the hem
 # Shares of the trunk's ease.
 _LEAST_EASE = 0.6
 _SHOULDER_EASE = 0.6
-_SLEEVE_EASE = 0.7
+_SLEEVE_EASE = 1.2
 
 
 @dataclass(kw_only=True)
