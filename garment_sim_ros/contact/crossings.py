@@ -5,7 +5,7 @@ import numpy as np
 from garment_sim_ros.jit import exact_kernel
 
 _BLOCK = 16
-"""Triangles in a row that are first looked at as one box: neighbours in files lie together."""
+"""Triangles in a row that are first looked at as one box: the more compact, the faster."""
 
 
 @exact_kernel()

@@ -43,8 +43,8 @@ _FIT = 0.5  # 0: follows the waist; 1: straight from the armpits to the hem
 
 # Shares of the trunk's ease.
 _LEAST_EASE = 0.6
-_SHOULDER_EASE = 0.6
-_SLEEVE_EASE = 1.2
+_SHOULDER_EASE = 0.8
+_SLEEVE_EASE = 1.4
 
 
 @dataclass(kw_only=True)

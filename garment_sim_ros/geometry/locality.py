@@ -35,3 +35,18 @@ def spatial_order(points: NDArray[np.floating]) -> IntArray:
             middle = begin + -(-(end - begin) // BLOCK) // 2 * BLOCK
             pending += [(begin, middle), (middle, end)]
     return order
+
+
+def near_together(points: NDArray[np.floating], triangles: IntArray) -> IntArray:
+    """Triangles in an order in which every run of some is compact.
+
+    Args:
+        points: Their vertices, shape [v, 3].
+        triangles: Vertex indices, shape [t, 3].
+
+    Returns:
+        The same triangles, shape [t, 3], read-only.
+    """
+    triangles = triangles[spatial_order(points[triangles].mean(axis=1))]
+    triangles.setflags(write=False)
+    return triangles

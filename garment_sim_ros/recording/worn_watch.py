@@ -4,6 +4,8 @@
 it is measured from time to time, in a thread of its own, and holds until it is measured again.
 """
 
+import os
+import sys
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -21,6 +23,7 @@ from garment_sim_ros.contact.pierced import PiercedSoFar
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GarmentSimError
 from garment_sim_ros.garment.garment import Garment
+from garment_sim_ros.geometry.locality import near_together
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.recording.metrics import GarmentMesh
 
@@ -28,6 +31,8 @@ _PERIOD = 0.5
 """Least time between two measurements of `inside` [s]."""
 _REST = 30.0
 """Least such time per processor time of one."""
+_NICE = 10
+"""How far that thread steps back behind those that have a deadline."""
 _BIN = 5e-5
 """Shares of a garment's area are counted in steps of this."""
 
@@ -56,8 +61,8 @@ class WornWatch:
     """
 
     def __init__(self, colliders: ColliderSet, body: Body, garments: Sequence[Garment]) -> None:
-        self._garments = {g.name: g for g in garments}
-        self._pierced = PiercedSoFar(colliders, list(self._garments))
+        self._triangles = {g.name: near_together(g.vertices, g.triangles) for g in garments}
+        self._pierced = PiercedSoFar(colliders, list(self._triangles))
         self._inside = _InsideSoFar(colliders, body, garments)
 
     def look(self, poses: ColliderPoses, positions: Mapping[str, SingleArray]) -> None:
@@ -67,9 +72,7 @@ class WornWatch:
             poses: World poses of the colliders.
             positions: World positions of each garment's vertices [m], shape [v, 3].
         """
-        self._pierced.add(
-            poses, {n: (x, self._garments[n].triangles) for n, x in positions.items()}
-        )
+        self._pierced.add(poses, {n: (x, self._triangles[n]) for n, x in positions.items()})
         self._inside.offer(poses, positions)
 
     def pierced_by(self, name: str) -> tuple[str, ...]:
@@ -82,9 +85,8 @@ class WornWatch:
 
     def figures(self, name: str | None = None) -> Figures:
         """Of one garment, or of all where None: each counts as much as any other."""
-        counts = self._inside.counts
-        shares = counts[name] if name else np.sum(list(counts.values()), axis=0)
-        return Figures(self._pierced.share(name), _quantile(shares, 0.99), _quantile(shares, 0.5))
+        p99, median = self._inside.quantiles(name)
+        return Figures(self._pierced.share(name), p99, median)
 
     def wait(self) -> None:
         """Until the measurement under way has ended."""
@@ -98,7 +100,8 @@ class _InsideSoFar:
         self._colliders, self._body, self._worn = colliders, body, garments
         self.latest = dict.fromkeys((g.name for g in garments), 0.0)
         bins = round(1.0 / _BIN) + 1
-        self.counts = {g.name: np.zeros(bins, np.int64) for g in garments}
+        self._counts = {g.name: np.zeros(bins, np.int64) for g in garments}
+        self._quantiles: dict[str | None, tuple[float, float]] = {}
         self._thread: threading.Thread | None = None
         self._not_before = 0.0
         self._skin: SkinFromPoses | None = None
@@ -117,6 +120,15 @@ class _InsideSoFar:
         self._not_before = np.inf
         self._thread.start()
 
+    def quantiles(self, name: str | None) -> tuple[float, float]:
+        """99th percentile and median of one garment, or of all where None."""
+        found = self._quantiles.get(name)
+        if found is None:
+            counts = self._counts
+            shares = counts[name] if name else np.sum(list(counts.values()), axis=0)
+            found = self._quantiles[name] = _quantile(shares, 0.99), _quantile(shares, 0.5)
+        return found
+
     def wait(self) -> None:
         """Until the measurement under way has ended."""
         if self._thread is not None:
@@ -124,6 +136,8 @@ class _InsideSoFar:
 
     def _measure(self, poses: ColliderPoses, positions: Mapping[str, FloatArray]) -> None:
         began = time.thread_time()
+        if sys.platform == "linux":  # elsewhere it would be the whole process that steps back
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
         try:
             self._begin()
             assert self._skin is not None
@@ -133,8 +147,9 @@ class _InsideSoFar:
                     continue
                 mesh = self._meshes[name]
                 share = mesh.inside(self._distance.signed_distance(mesh.samples(x))[0])
-                self.counts[name][round(share / _BIN)] += 1
+                self._counts[name][round(share / _BIN)] += 1
                 self.latest[name] = share
+            self._quantiles = {}
         except GarmentSimError:
             return  # A body without a skin to be inside of: not measured again.
         self._not_before = time.monotonic() + max(_PERIOD, _REST * (time.thread_time() - began))

@@ -1,8 +1,7 @@
 """The cloth's clock: which time is simulated next, from poses that come when they come."""
 
 from collections import deque
-
-import numpy as np
+from statistics import median
 
 from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.errors import MessageError
@@ -149,7 +148,7 @@ class ClothStepper:
     @property
     def period(self) -> int:
         """Time between the latest poses [ns]; 0 while unknown."""
-        return int(np.median(self._periods)) if self._periods else 0
+        return int(median(self._periods)) if self._periods else 0
 
     @property
     def has_poses(self) -> bool:

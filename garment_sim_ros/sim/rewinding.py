@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from garment_sim_ros.arrays import FloatArray, SingleArray
 from garment_sim_ros.contact.pierced import PiercedSoFar
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.geometry.locality import near_together
 from garment_sim_ros.sim.motion import to_file_order
 from garment_sim_ros.sim.openings import Openings
 from garment_sim_ros.sim.placement import blend
@@ -87,6 +88,9 @@ class Rewinding:
         self._worn = worn
         self.origin = origin
         self._limbs = PiercedSoFar(colliders, list(worn))
+        self._triangles = {
+            n: near_together(w.garment.vertices, w.model.triangles) for n, w in worn.items()
+        }
         self._records = {
             n: _Record(
                 deque(maxlen=_KEPT),
@@ -197,7 +201,7 @@ class Rewinding:
         return weight
 
     def _find(self, posed: Mapping[str, SingleArray], poses: ColliderPoses) -> None:
-        self._limbs.add(poses, {n: (x, self._worn[n].model.triangles) for n, x in posed.items()})
+        self._limbs.add(poses, {n: (x, self._triangles[n]) for n, x in posed.items()})
 
     def positions(self, worn: Worn) -> SingleArray:
         """World positions of a garment's vertices [m], shape [v, 3], a new array."""

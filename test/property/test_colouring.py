@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from garment_sim_ros.geometry.colouring import colour_springs, order_by_colour
-from garment_sim_ros.geometry.locality import BLOCK, spatial_order
+from garment_sim_ros.geometry.locality import BLOCK, near_together, spatial_order
 from garment_sim_ros.geometry.topology import mesh_topology
 
 
@@ -63,6 +63,15 @@ def test_blocks_of_a_cloth_are_compact(cloth):
     vertices, _ = cloth.grid(64, 64, 1.0)
     ordered = vertices[spatial_order(vertices)].reshape(-1, BLOCK, 3)
     assert np.ptp(ordered, axis=1).max() <= 7.0
+
+
+def test_triangles_near_together_are_the_same_in_compact_runs(cloth):
+    vertices, triangles = cloth.grid(64, 64, 1.0)
+    shuffled = np.random.default_rng(1).permutation(triangles)
+    ordered = near_together(vertices, shuffled)
+    assert sorted(map(tuple, ordered)) == sorted(map(tuple, triangles))
+    runs = vertices[ordered[: len(ordered) // BLOCK * BLOCK]].reshape(-1, 3 * BLOCK, 3)
+    assert np.ptp(runs, axis=1).max() <= 9.0
 
 
 @given(springs())
