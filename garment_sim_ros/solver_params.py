@@ -27,7 +27,7 @@ class XpbdSettings:
         maximum=64,
     )
     strain_limit: float = parameter(
-        0.0,
+        0.3,
         "Strain that edges do not grow beyond: cloth pulled harder moves instead. 0: no limit.",
         minimum=0.0,
         maximum=1e3,

@@ -1,6 +1,7 @@
 """The kernels of `xpbd` again, in float64 and one constraint at a time, for tests to compare."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 
@@ -107,20 +108,24 @@ def limit_strain(
     rest_length: FloatArray,
     inverse_mass: FloatArray,
     normal: FloatArray,
+    stays: NDArray[np.bool_],
     limit: float,
+    grown: float,
 ) -> FloatArray:
-    """Positions [n, 3] after passes over edges that are too long, and longer than before.
+    """Positions [n, 3] after passes over edges that are too long, and have grown by a share.
 
     Particles touch a surface with the given outward normals, NaN where they touch none, [n, 3].
+    Those that stay, [n], and all edges at them are left alone.
     """
     x = np.array(x, dtype=np.float64)
     for _ in range(10):
         for e, (i, j) in enumerate(edges):
             apart = x[i] - x[j]
             before = float(np.linalg.norm(np.float64(x_before[i]) - x_before[j]))
-            over = float(np.linalg.norm(apart)) - max((1.0 + limit) * rest_length[e], before)
+            longest = max((1.0 + limit) * rest_length[e], (1.0 + grown) * before)
+            over = float(np.linalg.norm(apart)) - longest
             total = inverse_mass[i] + inverse_mass[j]
-            if over <= 0.0 or total == 0.0:
+            if over <= 0.0 or stays[i] or stays[j]:
                 continue
             pull = over * apart / float(np.linalg.norm(apart)) / total
             for p, way in ((i, -inverse_mass[i] * pull), (j, inverse_mass[j] * pull)):

@@ -77,11 +77,11 @@ def meet(piece: Piece, step: Step) -> None:
     assert workspace.code is not None
     assert workspace.given is not None
     given, has_planes = workspace.given, workspace.has_planes
-    own, bodies, planes, rule = given.to_meet
-    workspace.contact_count = workspace.code[2](own, bodies, planes, rule, has_planes)
+    own, bodies, ready, planes, rule = given.to_meet
+    workspace.contact_count = workspace.code[2](own, bodies, ready, planes, rule, has_planes)
     if len(bodies.guard.shape):
         workspace.code[3](own, bodies, rule, has_planes)
-    workspace.code[4](own, workspace.prepared, bodies.posed.carry, planes, rule)
+    workspace.code[4](own, bodies.posed.carry, planes, rule)
 
 
 def finish(piece: Piece) -> None:
@@ -112,7 +112,7 @@ def _given(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Given:
         own=own,
         rule=rule,
         to_solve=(own, elastic, frames, planes, rule),
-        to_meet=(own, bodies, planes, rule),
+        to_meet=(own, bodies, elastic.ready, planes, rule),
     )
     if workspace.code is None:
         workspace.code = (
@@ -120,7 +120,7 @@ def _given(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Given:
             compiled(sub_steps.solve, *given.to_solve, 0, 1, True),
             compiled(sub_steps.meet, *given.to_meet, True),
             compiled(sub_steps.guard, own, bodies, rule, True),
-            compiled(sub_steps.stop, own, elastic.ready, bodies.posed.carry, planes, rule),
+            compiled(sub_steps.stop, own, bodies.posed.carry, planes, rule),
         )
     return given
 

@@ -186,12 +186,13 @@ def _leave_to_guard(shape, kept):
 
 
 @kernel()
-def meet(own, bodies, planes, rule, has_planes):
+def meet(own, bodies, ready, planes, rule, has_planes):
     """A search for contacts at the end of a sub-step, and contact; `guard` and `stop` follow.
 
     Args:
         own: `Particles`.
         bodies: `Bodies`.
+        ready: `Prepared`.
         planes: `Planes`, output.
         rule: `Rule`.
         has_planes: Whether there are those of the last search; what is deep below them gets back
@@ -217,8 +218,8 @@ def meet(own, bodies, planes, rule, has_planes):
         own.x_coast[:free],
         rule.thickness,
     )
-    copy(x, own.x_predicted[:free])
-    return collide_particles(
+    copy(own.x, own.x_predicted)
+    count = collide_particles(
         bodies.shapes,
         bodies.posed,
         bodies.sides,
@@ -228,6 +229,10 @@ def meet(own, bodies, planes, rule, has_planes):
         rule.friction,
         bodies.contacts,
     )
+    if rule.strain_limit > 0.0:
+        time = dt * np.float32(rule.search_every) if has_planes else dt
+        limit_strain(own, ready, planes, bodies.guard.kept, rule.strain_limit, time)
+    return count
 
 
 @kernel()
@@ -247,22 +252,17 @@ def guard(own, bodies, rule, has_planes):
 
 
 @kernel()
-def stop(own, ready, carry, planes, rule):
-    """The strain limit and velocities after a search, and what is kept of it until the next one.
+def stop(own, carry, planes, rule):
+    """Velocities after a search, and what is kept of it until the next one.
 
     Args:
         own: `Particles`.
-        ready: `Prepared`.
         carry: How points move with the shapes in the sub-step, see `PosedShapes`.
         planes: `Planes`, output.
         rule: `Rule`.
     """
     free, dt = rule.free, rule.dt
     x, v, x_start = own.x[:free], own.v[:free], own.x_start[:free]
-    if rule.strain_limit > 0.0:
-        limit_strain(
-            own.x, own.x_search, ready.edge_particles, ready.edges, planes, rule.strain_limit
-        )
     stop_at_contacts(
         x, v, x_start, own.x_predicted[:free], planes, carry, rule.friction, dt, own.motion
     )
