@@ -71,12 +71,6 @@ class GarmentMesh:
         """Particles, edge midpoints and triangle centres [m], shape [v + e + t, 3]."""
         return np.concatenate([x, x[self.edges].mean(axis=1), x[self.triangles].mean(axis=1)])
 
-    @property
-    def corner(self) -> IntArray:
-        """A vertex that each of the `samples` belongs to, shape [v + e + t]."""
-        vertex = np.arange(self.vertices, dtype=np.int32)
-        return np.concatenate([vertex, self.edges[:, 0], self.triangles[:, 0]])
-
     def normals(self, x: FloatArray) -> FloatArray:
         """Outward unit normals at the `samples`, shape [v + e + t, 3]."""
         x = np.ascontiguousarray(x, np.float64)
@@ -104,7 +98,7 @@ class ClothMeter:
         skin_vertices: Skin in any pose [m], shape [v, 3].
         skin_triangles: Shape [t, 3].
         garments: By name.
-        own_sides: Which skin belongs under which of their points; None: not looked at.
+        own_sides: Which skin they are worn over; None: not looked at.
     """
 
     def __init__(
@@ -144,7 +138,7 @@ class ClothMeter:
             if self._own_sides is not None:
                 way = np.stack([closest, samples], axis=1)
                 behind = (distance > 0.0) & self._own_sides.behind(
-                    *(name, mesh.corner, mesh.normals(x), way, triangle, (x, mesh.triangles))
+                    *(name, (x, mesh.triangles), mesh.normals(x), way, triangle, skin)
                 )
                 depth[behind] = distance[behind]
             self._penetration.append(depth.astype(np.float32))
