@@ -146,7 +146,7 @@ class ClothMeter:
             self._strain.append(mesh.strain(x).astype(np.float32))
             for other, y in garments.items():
                 if other != name and np.isfinite(y).all():
-                    self._crossed.append(_crossed(mesh, x, self._garments[other], y))
+                    self._crossed.append(crossed(mesh, x, self._garments[other], y))
 
     def result(self) -> dict[str, float | bool | None]:
         """Figures over all frames; None where there was nothing to measure."""
@@ -163,7 +163,7 @@ class ClothMeter:
         }
 
 
-def _crossed(mesh: GarmentMesh, x: FloatArray, other: GarmentMesh, y: FloatArray) -> float:
+def crossed(mesh: GarmentMesh, x: FloatArray, other: GarmentMesh, y: FloatArray) -> float:
     """Share of a garment's edges that run through another garment."""
     edge, at = np.empty(len(mesh.edges), np.int32), np.empty(len(mesh.edges))
     count = find_hits(x[mesh.edges], y, other.triangles, edge, at)
