@@ -92,15 +92,15 @@ def dressed_cells() -> Iterator[tuple[str, str, Callable[[], Scene]]]:
         told = partial(_turned, PERSON_HEIGHT, solver_step=1 / step, frame=1 / step)
         yield body, f"step 1/{step} s", told
     long = partial(_turned, PERSON_HEIGHT, outfit=_LONG_SKIRT)
-    yield "long skirt", "turns at 1000 deg/s", partial(_turning, _RATE / 3, _LONG_SKIRT)
-    yield "long skirt", "step 1/30 s", partial(long, solver_step=1 / 30, frame=1 / 30)
+    yield "long skirt", "turns at 1000 deg/s", partial(_turning, _RATE / 3, _LONG_SKIRT, 15.0)
+    yield "long skirt", "step 1/30 s", partial(long, solver_step=1 / 30, frame=1 / 30, calm=15.0)
     for method in (ELLIPSOIDS, SDF, MESH):
         yield "colliders", method, partial(_turned, PERSON_HEIGHT, method=method)
 
 
-def _turning(rate: float, outfit: str = DEFAULT_OUTFIT) -> Scene:
+def _turning(rate: float, outfit: str = DEFAULT_OUTFIT, calm: float = 6.0) -> Scene:
     worn = dressed(outfit)
-    return worn.scene(spinning(worn.standing, 2, rate, 0.96), busy=0.96)
+    return worn.scene(spinning(worn.standing, 2, rate, 0.96), busy=0.96, calm=calm)
 
 
 def _flapping() -> Scene:
@@ -171,7 +171,7 @@ def _turned(
 
     # With long frames, too, the ten that are judged come after six seconds.
     calm = 6.0 * max(1.0, busy) + 10.0 * float(asked.get("frame", 0.0))
-    scene = worn.scene(motion, scale, size=tall, busy=busy, calm=calm, **asked)
+    scene = worn.scene(motion, scale, **{"size": tall, "busy": busy, "calm": calm, **asked})
     if scale == 1.0:
         return scene
     return replace(

@@ -24,8 +24,9 @@ REST = 2e-3
 PLACE = 2e-3
 """Farthest that a particle may rest from where it would undisturbed, and a pin from where it is
 pinned, in sizes."""
-MOVED = 0.025
-"""Farthest that a garment as a whole may rest from where it would be as skin, in heights."""
+MOVED, MOVED_BY = 0.05, 0.025
+"""Farthest that a garment as a whole may rest from where it would be as skin, and from where it
+would be undisturbed, in heights of the body: raised arms lift a shirt."""
 INSIDE = 0.005
 """Share of a garment that may be in the skin, or in shapes, at rest."""
 CROSSED = 0.01
@@ -140,6 +141,11 @@ def _verdict(
     at_rest, before = _at_rest(scene, end), _at_rest(scene, place)
     faults += at_rest
     faults += [f"{fault} undisturbed" for fault in before if fault not in at_rest]
+    if end.worn is not None and place.worn is not None:
+        by = float(np.linalg.norm(end.worn.moved - place.worn.moved, axis=1).max())
+        figures["moved_by"] = by
+        if by > MOVED_BY and "elsewhere" not in faults:
+            faults.append("elsewhere")
     if scene.unique:
         here, there = run.by_name(), still.by_name()
         away = max(np.linalg.norm(here[n] - there[n], axis=1).max() for n in here)
@@ -176,13 +182,14 @@ def _at_rest(scene: Scene, end: End) -> list[str]:
         "stretched": stretched,
         "crushed": end.strain.crushed > limit.crushed,
         "inside": end.buried > INSIDE and not scene.forced,
-        "dropped": end.let_go > 0,
+        "dropped": end.let_go > 0 and limits.hanging(scene) < limits.BREAKS,
         "tangled": end.tangled > TANGLED or end.crossed > CROSSED,
         "elsewhere": end.off_pins > PLACE,
     }
     if end.worn is not None:
         found["pierced"] = end.worn.pierced > 0
-        found["elsewhere"] |= end.worn.moved > MOVED
+        moved = np.linalg.norm(end.worn.moved, axis=1).max()
+        found["elsewhere"] |= bool(moved > MOVED + limits.SAGS * limits.hanging(scene))
         found["layers"] = end.worn.under > UNDER
     return [fault for fault, is_there in found.items() if is_there]
 
@@ -200,7 +207,8 @@ def _figures(end: End, seen: Seen | None = None, calm: _Calm | None = None) -> d
         "off_pins": end.off_pins,
     }
     if end.worn is not None:
-        figures |= {"pierced": end.worn.pierced, "moved": end.worn.moved, "under": end.worn.under}
+        moved = float(np.linalg.norm(end.worn.moved, axis=1).max())
+        figures |= {"pierced": end.worn.pierced, "moved": moved, "under": end.worn.under}
     if seen is not None and calm is not None:
         for name, of in (("meanwhile", seen), ("calm", calm.seen), ("back", calm.back)):
             figures |= {f"{k}_{name}": v for k, v in vars(of).items()}

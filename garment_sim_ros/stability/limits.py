@@ -19,7 +19,7 @@ from garment_sim_ros.params import Environment, Material
 from garment_sim_ros.sim.placement import blend, find_frames
 from garment_sim_ros.stability.extremes import Scene
 
-POINTS, MOST = 0.05, 0.25
+POINTS, MOST = 0.05, 0.5
 """Stretch at rest that any fabric may have: 95 % of its edges, and each one."""
 CRUSHED = 0.10
 """Share of their length by which 5 % of the edges may be too short at rest."""
@@ -32,8 +32,11 @@ what hangs below a corner."""
 CRUSHED_MEANWHILE = 0.5
 """As `CRUSHED`, while it moves."""
 BREAKS = 1.0
-"""Stretch at which knitwear breaks: what acts on cloth that would stretch farther than that may
-well go through it."""
+"""Stretch at which knitwear breaks: contact may be dropped, and limbs go through it, where what
+acts would stretch it farther than that."""
+SAGS = 0.15
+"""How far a garment as a whole comes down per stretch by its weight, in heights of the body: it is
+less than half as long as that, and its middle comes down by a third of its end."""
 AIR = 1.2
 """Density of air [kg/m^3]."""
 
@@ -55,10 +58,7 @@ class Limits:
 
 def at_rest(scene: Scene) -> Limits:
     """When the scene has come to rest."""
-    stretch = max(
-        _load(scene, garment, scene.environment, 0.0) / _stiffness(garment.material)
-        for garment in scene.garments
-    )
+    stretch = hanging(scene)
     return Limits(
         most=POINTS + stretch + scene.forced,
         largest=MOST + FEW * stretch + scene.forced,
@@ -73,6 +73,14 @@ def meanwhile(scene: Scene) -> Limits:
         most=LIVELY * POINTS + stretch + scene.forced,
         largest=LIVELY * MOST + FEW * stretch + scene.forced,
         crushed=min(CRUSHED_MEANWHILE + stretch, 1.0),
+    )
+
+
+def hanging(scene: Scene) -> float:
+    """Stretch along the softer threads by the cloth's weight."""
+    return max(
+        _load(scene, garment, scene.environment, 0.0) / _stiffness(garment.material)
+        for garment in scene.garments
     )
 
 

@@ -53,4 +53,4 @@ def _moving(outfit: str, body: Path, clip: Path, seconds: float) -> Scene:
     def moving(t: float) -> ColliderPoses:
         return poses[min(max(round(t * _RATE), 0), len(poses) - 1)].copy()
 
-    return worn.scene(moving, busy=float(times[-1]))
+    return worn.scene(moving, busy=float(times[-1]), calm=15.0 if "long" in outfit else 6.0)

@@ -25,15 +25,15 @@ class HowWorn(NamedTuple):
     Attributes:
         pierced: Bones that run through a garment, those that meet several counted for each.
         inside: Largest share of a garment's area that is in the skin.
-        moved: How far a garment has moved as a whole from where it would be as skin, at most, in
-            heights of the body.
+        moved: How far each garment as a whole is from where it would be as skin, in heights of
+            the body, shape [g, 3].
         crossed: Largest share of a garment's edges that run through another garment.
         under: Largest share of what lies on a garment that is under it instead.
     """
 
     pierced: int
     inside: float
-    moved: float
+    moved: FloatArray
     crossed: float
     under: float
 
@@ -87,7 +87,7 @@ class Wearer:
             inside.append(mesh.inside(self._body.signed_distance(mesh.samples(at))[0]))
             frames = find_frames(garment.name, garment.frames, self._colliders)
             place = blend(garment, frames.world(poses))
-            moved.append(float(np.linalg.norm((at - place).mean(axis=0))) / self._height)
+            moved.append((at - place).mean(axis=0) / self._height)
         through, below = [0.0], [0.0]
         for inner, outer in itertools.permutations(self._garments, 2):
             mesh, other = self._meshes[outer.name], self._meshes[inner.name]
@@ -96,7 +96,7 @@ class Wearer:
                 cloth = (self._cloth[inner.name], x[inner.name], inner.triangles)
                 below.append(under(mesh, x[outer.name], cloth, self._body))
         pierced = sum(map(len, self._pierced.now.values()))
-        return HowWorn(pierced, max(inside), max(moved), max(through), max(below))
+        return HowWorn(pierced, max(inside), np.array(moved), max(through), max(below))
 
     def _at_own_size(
         self, poses: ColliderPoses, positions: Mapping[str, NDArray[np.floating]]
