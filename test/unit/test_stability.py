@@ -7,11 +7,16 @@ import numpy as np
 import pytest
 
 from garment_sim_ros.cli.main import main
+from garment_sim_ros.constants import GRAVITY
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.stability import limits
 from garment_sim_ros.stability.cells import cells
+from garment_sim_ros.stability.drawn import COUNT, drawn_cells
 from garment_sim_ros.stability.extremes import Scene, curtain
 from garment_sim_ros.stability.judge import Outcome, judge
 from garment_sim_ros.stability.map import Row, grade, picture, table
+from garment_sim_ros.stability.measures import Edges
 
 CELLS = {cell.name: cell for cell in cells()}
 FAST = (
@@ -43,7 +48,7 @@ def test_extremes_hold_with_the_implicit_solver(name):
 def test_every_cell_has_a_name_of_its_own_and_a_scene_that_ends():
     assert len(CELLS) == len(list(cells()))
     for cell in CELLS.values():
-        if cell.extreme != "dressed body":
+        if cell.extreme not in ("dressed body", "long skirt", "colliders", "real body and clip"):
             made = cell.scene()
             still = [made.motion(made.busy + t) for t in (1.0, 2.0)]
             assert np.array_equal(still[0].position, still[1].position)
@@ -211,6 +216,64 @@ def test_what_cannot_be_simulated_is_told_as_refused():
     outcome = judge(Scene(garments=(flat,), colliders=colliders, motion=motion), "xpbd")
     assert "no area" in outcome.refused
     assert grade(outcome) == "refused"
+
+
+def test_limits_of_stretch_are_those_of_the_fabric():
+    """Weight 0.15 kg/m^2 x 9.81 m/s^2 x 0.6 m, on threads of 1500 N/m at least."""
+    limit = limits.at_rest(scene())
+    weight = 0.15 * GRAVITY * 0.6 / 1500.0
+    assert limit.most == pytest.approx(0.05 + weight)
+    assert limit.largest == pytest.approx(0.5 + 4.0 * weight)
+    assert limit.crushed == pytest.approx(0.1 + weight)
+    # Where the rod stands still, a ball stretches it by its speed over that of sound.
+    cloth, colliders, _ = curtain()
+
+    def rolling(t):
+        poses = ColliderPoses.identity(3)
+        poses.position[2, 1] = 2.0 * t
+        return poses
+
+    hit = Scene(garments=(cloth,), colliders=colliders, motion=rolling)
+    soft = 4.0 / (1 / 2000.0 + 1 / 1500.0 + 1 / 60.0)
+    expected = 2.0 / np.sqrt(soft / 0.15) + 0.15 * GRAVITY * 0.6 / soft
+    assert limits.acting(hit) == pytest.approx(expected, rel=1e-6)
+    # Fabric that is a hundred times as stiff may stretch less.
+    assert limits.at_rest(CELLS["stiffness: 1e+06 N/m"].scene()).most < 0.0501
+
+
+def test_cloth_through_itself_is_found():
+    cloth, _, _ = curtain()
+    edges = Edges((replace(cloth, self_collision=0.004),))
+    flat = cloth.vertices
+    assert edges.crossed({"cloth": flat}) == 0.0
+    # The lower half turned up, and through the upper one.
+    folded = flat.copy()
+    below = folded[:, 2] < -0.3
+    folded[below, 2] = -0.6 - folded[below, 2]
+    folded[below, 1] = 0.05 * np.sin(40.0 * folded[below, 0] + 0.3)
+    assert edges.crossed({"cloth": folded}) > 0.05
+    assert Edges((cloth,)).crossed({"cloth": folded}) == 0.0  # It does not ask for it.
+
+
+def test_what_is_drawn_at_random_depends_on_the_seed_alone():
+    drawn = [[name for name, _ in drawn_cells(seed)] for seed in (1, 1, 2)]
+    assert len(set(drawn[0])) == COUNT == 20
+    assert drawn[0] == drawn[1]
+    assert not set(drawn[0]) & set(drawn[2])
+
+
+def test_cells_without_their_data_are_skipped_with_a_reason(tmp_path, monkeypatch, capsys):
+    chosen = ["--only", "cartwheel", "--solver", "xpbd", "--json"]
+    monkeypatch.delenv("GARMENT_SIM_DATA", raising=False)
+    assert main(["stability", "--out", str(tmp_path / "a"), *chosen]) == 0
+    said = capsys.readouterr()
+    assert "GARMENT_SIM_DATA is not set" in said.err
+    assert json.loads(said.out.splitlines()[-1])["held"] == {"xpbd": 0}
+    assert "| skipped |" in said.out
+    assert "of 0 | 0 |" in said.out
+    monkeypatch.setenv("GARMENT_SIM_DATA", str(tmp_path))
+    assert main(["stability", "--out", str(tmp_path / "b"), *chosen]) == 0
+    assert "cartwheel.bvh is not there" in capsys.readouterr().err
 
 
 def test_table_and_picture(tmp_path):
