@@ -169,7 +169,7 @@ def _on_the_way(scene: Scene, seen: Seen, calm: _Calm, may_break: bool) -> tuple
     for moment in [calm.back] if may_break or acting > limits.BREAKS else [seen, calm.back]:
         if moment.pierced:
             faults.append("pierced meanwhile")
-        if moment.let_go:
+        if moment.let_go and limits.hanging(scene) < limits.BREAKS:
             faults.append("dropped meanwhile")
     return list(dict.fromkeys(faults)), acting
 
