@@ -179,7 +179,7 @@ def run(asked: Asked) -> dict:
     simulation = Simulation(garments, colliders, solver=asked.solver)
     meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in garments}
     skin = (body.skin.vertices, body.skin.triangles)
-    meter = ClothMeter(*skin, meshes, OwnSides.of(garments, body, colliders))
+    meter = ClothMeter(*skin, meshes, OwnSides.of(garments, body))
     pierced, jumps = PiercedMeter(colliders), JumpMeter(body.skin.vertices)
     live = PiercedSoFar(colliders, [g.name for g in garments])
     calm_frames = calm_pierced = 0

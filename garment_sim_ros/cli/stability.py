@@ -2,6 +2,8 @@
 
 import argparse
 import json
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +11,9 @@ from garment_sim_ros.cli.progress import progress
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.sim.solvers import SOLVERS
-from garment_sim_ros.stability.cells import cells
-from garment_sim_ros.stability.judge import judge
-from garment_sim_ros.stability.map import Row, picture, table
+from garment_sim_ros.stability.cells import Cell, cells
+from garment_sim_ros.stability.judge import Outcome, judge
+from garment_sim_ros.stability.map import Row, held_by, picture, table
 
 EXAMPLE = "garment-sim stability --out out/stability"
 
@@ -22,32 +24,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", metavar="DIR", type=Path, required=True, help="stability.md, .json and .png")
     add("--solver", choices=tuple(SOLVERS), action="append", help="only this one; may be repeated")
     add("--only", metavar="TEXT", default="", help="only cells with this in their name: 'wind'")
+    add("--seed", type=int, default=1, help="of the cells that are drawn at random")
     add("--list", action="store_true", help="name the cells and run none")
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Run, judge, draw."""
-    chosen = [cell for cell in cells() if args.only in cell.name]
+    chosen = [cell for cell in cells(args.seed) if args.only in cell.name]
     if not chosen:
         raise ParameterError("--only", f"found {args.only!r}", "allowed: see --list")
     if args.list:
-        print("\n".join(cell.name for cell in chosen))
+        print("\n".join(cell.name + (cell.absent and f" ({cell.absent})") for cell in chosen))
         return {"cells": [cell.name for cell in chosen]}
     solvers = args.solver or list(SOLVERS)
     with staged(args.out) as stage:
         rows = []
         for cell in progress(chosen, "cells", len(chosen)):
-            scene = cell.scene()
-            rows.append(
-                Row(
-                    extreme=cell.extreme,
-                    value=cell.value,
-                    outcomes={solver: judge(scene, solver) for solver in solvers},
-                )
-            )
-        told = {
+            rows.append(_row(cell, solvers))
+        told: dict[str, Any] = {
             "cells": len(rows),
-            "held": {s: sum(not row.outcomes[s].faults for row in rows) for s in solvers},
+            "skipped": {f"{r.extreme}: {r.value}": r.skipped for r in rows if r.skipped},
+            "held": held_by(rows),
             "outcomes": [
                 {
                     "extreme": row.extreme,
@@ -55,6 +52,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
                     "solver": solver,
                     "faults": list(outcome.faults),
                     "refused": outcome.refused,
+                    "skipped": outcome.skipped,
+                    "seconds": round(row.seconds[solver], 1),
                     **outcome.figures,
                 }
                 for row in rows
@@ -65,4 +64,17 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         (stage / "stability.md").write_text(table(rows))
         picture(rows, stage / "stability.png")
     print(table(rows), end="")
-    return {"cells": told["cells"], "held": told["held"], "out": str(args.out)}
+    for name, why in told["skipped"].items():
+        print(f"skipped: {name}: {why}", file=sys.stderr)
+    return {key: told[key] for key in ("cells", "skipped", "held")} | {"out": str(args.out)}
+
+
+def _row(cell: Cell, solvers: list[str]) -> Row:
+    """One cell with every solver."""
+    outcomes, seconds = {}, {}
+    scene = None if cell.absent else cell.scene()
+    for solver in solvers:
+        began = time.perf_counter()
+        outcomes[solver] = judge(scene, solver) if scene else Outcome(skipped=cell.absent)
+        seconds[solver] = time.perf_counter() - began
+    return Row(extreme=cell.extreme, value=cell.value, outcomes=outcomes, seconds=seconds)

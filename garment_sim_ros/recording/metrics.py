@@ -71,12 +71,6 @@ class GarmentMesh:
         """Particles, edge midpoints and triangle centres [m], shape [v + e + t, 3]."""
         return np.concatenate([x, x[self.edges].mean(axis=1), x[self.triangles].mean(axis=1)])
 
-    @property
-    def corner(self) -> IntArray:
-        """A vertex that each of the `samples` belongs to, shape [v + e + t]."""
-        vertex = np.arange(self.vertices, dtype=np.int32)
-        return np.concatenate([vertex, self.edges[:, 0], self.triangles[:, 0]])
-
     def normals(self, x: FloatArray) -> FloatArray:
         """Outward unit normals at the `samples`, shape [v + e + t, 3]."""
         x = np.ascontiguousarray(x, np.float64)
@@ -104,7 +98,7 @@ class ClothMeter:
         skin_vertices: Skin in any pose [m], shape [v, 3].
         skin_triangles: Shape [t, 3].
         garments: By name.
-        own_sides: Which skin belongs under which of their points; None: not looked at.
+        own_sides: Which skin they are worn over; None: not looked at.
     """
 
     def __init__(
@@ -144,7 +138,7 @@ class ClothMeter:
             if self._own_sides is not None:
                 way = np.stack([closest, samples], axis=1)
                 behind = (distance > 0.0) & self._own_sides.behind(
-                    *(name, mesh.corner, mesh.normals(x), way, triangle, (x, mesh.triangles))
+                    *(name, (x, mesh.triangles), mesh.normals(x), way, triangle, skin)
                 )
                 depth[behind] = distance[behind]
             self._penetration.append(depth.astype(np.float32))
@@ -152,7 +146,7 @@ class ClothMeter:
             self._strain.append(mesh.strain(x).astype(np.float32))
             for other, y in garments.items():
                 if other != name and np.isfinite(y).all():
-                    self._crossed.append(_crossed(mesh, x, self._garments[other], y))
+                    self._crossed.append(crossed(mesh, x, self._garments[other], y))
 
     def result(self) -> dict[str, float | bool | None]:
         """Figures over all frames; None where there was nothing to measure."""
@@ -169,7 +163,7 @@ class ClothMeter:
         }
 
 
-def _crossed(mesh: GarmentMesh, x: FloatArray, other: GarmentMesh, y: FloatArray) -> float:
+def crossed(mesh: GarmentMesh, x: FloatArray, other: GarmentMesh, y: FloatArray) -> float:
     """Share of a garment's edges that run through another garment."""
     edge, at = np.empty(len(mesh.edges), np.int32), np.empty(len(mesh.edges))
     count = find_hits(x[mesh.edges], y, other.triangles, edge, at)

@@ -52,9 +52,7 @@ def summarize(
         for name, track in recording.garments.items()
     }
     garments = tuple(garments)
-    own = None
-    if recording.colliders is not None and {g.name for g in garments} >= meshes.keys():
-        own = OwnSides.of(garments, body, recording.colliders.colliders)
+    own = OwnSides.of(garments, body) if {g.name for g in garments} >= meshes.keys() else None
     meter = ClothMeter(body.skin.vertices, body.skin.triangles, meshes, own)
     measured = 0
     for figure in shown:

@@ -12,6 +12,7 @@ from garment_sim_ros.constants import GRAVITY, PERSON_HEIGHT
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.params import Environment, Material
+from garment_sim_ros.stability.drawn import drawn_cells
 from garment_sim_ros.stability.dressed import dressed_cells
 from garment_sim_ros.stability.extremes import (
     SIDE,
@@ -21,6 +22,8 @@ from garment_sim_ros.stability.extremes import (
     cape,
     curtain,
     garment,
+    hanging,
+    moving,
     press,
     sheet,
     sleeve,
@@ -29,8 +32,11 @@ from garment_sim_ros.stability.extremes import (
     worn_on,
     woven,
 )
+from garment_sim_ros.stability.real import real_cells
 
 DEGREES = math.pi / 180
+APART = 0.004
+"""Distance that cloth which collides with itself keeps [m]."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +47,13 @@ class Cell:
         extreme: What is driven to an extreme.
         value: How far.
         scene: Makes the scene.
+        absent: Why it cannot be tried; empty where it can.
     """
 
     extreme: str
     value: str
     scene: Callable[[], Scene]
+    absent: str = ""
 
     @property
     def name(self) -> str:
@@ -53,10 +61,14 @@ class Cell:
         return f"{self.extreme}: {self.value}"
 
 
-def cells() -> Iterator[Cell]:
-    """All cells, extreme by extreme."""
-    for step in (1e-4, 1e-3, 1 / 240, 1 / 60, 1 / 15, 1 / 3):
-        scene = partial(_curtain, solver_step=step, frame=max(step, 1 / 60))
+def cells(seed: int = 1) -> Iterator[Cell]:
+    """All cells, extreme by extreme.
+
+    Args:
+        seed: Of those that are drawn at random.
+    """
+    for step in (1e-4, 1e-3, 1 / 240, 1 / 60, 1 / 30, 1 / 15, 1 / 3):
+        scene = partial(_stepped, step)
         yield Cell("step", f"{1e3 * step:.3g} ms", scene)
     for passes in (1, 3, 20, 200):
         yield Cell("iterations", f"{passes}", partial(_curtain, passes=passes))
@@ -78,15 +90,21 @@ def cells() -> Iterator[Cell]:
             yield Cell("teleport", f"{far:g} m, {mode}", partial(_teleport, far, mode))
     for tall in (1e-3, 0.1, PERSON_HEIGHT, 10.0, 100.0):
         yield Cell("body height", f"{tall:g} m", partial(_tall, tall))
-    yield Cell("pins", "inside a collider", partial(_still, cape(), calm=10.0))
+    yield Cell("pins", "inside a collider", partial(_still, cape(), calm=10.0, forced=1.4))
     for gap in (0.01, 0.0, -0.02):
         yield Cell("closing colliders", f"gap of {1e3 * gap:g} mm", partial(_pressed, gap))
     for fault in ("zero-area triangles", "duplicate triangles", "duplicate vertices", "needles"):
         yield Cell("mesh", fault, partial(_faulty, fault))
     yield Cell("start", "inside a collider", partial(_still, swallowed(), calm=10.0, size=0.3))
     yield Cell("NaN input", "1 s of poses", partial(_curtain, broken=True))
-    for value, dressed in dressed_cells():
-        yield Cell("dressed body", value, dressed)
+    yield Cell("self-collision", "whirled at 1000 deg/s", partial(_turning, 1000.0, 2, apart=True))
+    yield Cell("self-collision", "in a heap", _heap)
+    for extreme, value, on_body in dressed_cells():
+        yield Cell(extreme, value, on_body)
+    for value, absent, real in real_cells():
+        yield Cell("real body and clip", value, real, absent)
+    for value, drawn in drawn_cells(seed):
+        yield Cell("drawn at random", value, drawn)
 
 
 def _still(worn: tuple[Garment, ColliderSet, Motion], **asked: Any) -> Scene:
@@ -96,6 +114,13 @@ def _still(worn: tuple[Garment, ColliderSet, Motion], **asked: Any) -> Scene:
 
 def _curtain(**asked: Any) -> Scene:
     return _still(curtain(), **{"unique": True, **asked})
+
+
+def _stepped(step: float) -> Scene:
+    # The shortest steps are many.
+    rows = 7 if step < 1e-3 else 13
+    worn = curtain(mesh=sheet(rows, rows), pins=range(rows))
+    return _still(worn, unique=True, solver_step=step, frame=max(step, 1 / 60))
 
 
 def _stiff(k: float) -> Scene:
@@ -155,14 +180,29 @@ def _windy(speed: float) -> Scene:
     return _still((cloth, colliders, motion), unique=True, disturbed=wind, environment=air)
 
 
-def _turning(rate: float, axis: int) -> Scene:
+def _turning(rate: float, axis: int, apart: bool = False) -> Scene:
     cloth, colliders, motion = curtain(shake=0.02)  # Not in one plane all the time.
+    if apart:
+        cloth = replace(cloth, self_collision=APART)
 
     # Whole turns, so that it hangs from its edge in the end.
     turns = max(1, round(rate / 360.0))
     busy = 360.0 * turns / rate
     spun = spinning(_only_bone(motion), axis, rate * DEGREES, busy)
     return _still((cloth, colliders, spun), busy=busy, unique=True)
+
+
+def _heap() -> Scene:
+    """A sheet that stands on its edge and falls into folds; the floor shakes."""
+    vertices, triangles = sheet(25, 25)
+    cloth = replace(garment(hanging(vertices), triangles), self_collision=APART)
+
+    def floor(t: float, poses: ColliderPoses) -> None:
+        poses.position[1, 2] = -SIDE - 0.26
+        poses.position[1, 0] = 0.02 * np.sin(4 * np.pi * min(t, 1.0))
+
+    below = worn_on(box("floor", (3.0, 3.0, 0.25)))
+    return _still((cloth, below, moving(2, floor)))
 
 
 def _only_bone(motion: Motion) -> Motion:

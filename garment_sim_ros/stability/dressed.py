@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,8 +11,10 @@ from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.collider_params import ELLIPSOIDS, HULLS, MESH, SDF
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.constants import PERSON_HEIGHT
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
@@ -24,49 +27,86 @@ _RAISED = np.radians(60.0)
 _LENGTHS = ("radius", "radius0", "radius1", "length", "radii", "vertices")
 
 
+_LONG_SKIRT = "tshirt_long_skirt"
+
+
+class Dressed(NamedTuple):
+    """A body with its colliders, in garments.
+
+    Attributes:
+        body: The body.
+        colliders: What cloth meets.
+        garments: What it wears.
+        poser: Poses the colliders.
+    """
+
+    body: Body
+    colliders: ColliderSet
+    garments: tuple[Garment, ...]
+    poser: ColliderPoser
+
+    def standing(self, t: float) -> ColliderPoses:
+        """It stands still, as it was dressed."""
+        return self.poser.poses(rest_transforms(self.body.rig)).copy()
+
+    def scene(self, motion: Motion, scale: float = 1.0, **asked: object) -> Scene:
+        """A scene in which it moves, at its own size."""
+        wearer = Wearer(self.body, self.colliders, self.garments, scale)
+        size = float(np.ptp(self.body.skin.vertices[:, 2]))
+        asked = {"size": size, "calm": 6.0, "wearer": wearer, **asked}
+        return Scene(
+            garments=self.garments,
+            colliders=self.colliders,
+            motion=motion,
+            **asked,  # type: ignore[arg-type]
+        )
+
+
 @cache
-def _dressed() -> tuple[Body, ColliderSet, tuple[Garment, ...], ColliderPoser]:
-    body = load_body("mannequin")
-    colliders = fit_colliders(body, read_outfit(DEFAULT_OUTFIT).colliders)
-    garments = load_outfit(DEFAULT_OUTFIT, body, colliders=colliders).garments
-    return body, colliders, tuple(garments), ColliderPoser(colliders, body)
+def dressed(
+    outfit: str = DEFAULT_OUTFIT, method: str = HULLS, source: str = "mannequin"
+) -> Dressed:
+    """A body in an outfit.
+
+    Args:
+        outfit: As `load_outfit` takes it.
+        method: How its colliders are fitted.
+        source: As `load_body` takes it.
+    """
+    body = load_body(source)
+    colliders = fit_colliders(body, replace(read_outfit(outfit).colliders, method=method))
+    garments = load_outfit(outfit, body, colliders=colliders).garments
+    return Dressed(body, colliders, tuple(garments), ColliderPoser(colliders, body))
 
 
-def dressed_cells() -> Iterator[tuple[str, Callable[[], Scene]]]:
-    """What happens, and its scene."""
-    yield "turns at 3000 deg/s", _turning
-    yield "arms at 3000 deg/s", _flapping
+def dressed_cells() -> Iterator[tuple[str, str, Callable[[], Scene]]]:
+    """What is driven to an extreme, how far, and the scene."""
+    body = "dressed body"
+    yield body, "turns at 3000 deg/s", partial(_turning, _RATE)
+    yield body, "arms at 3000 deg/s", _flapping
     for mode in ("reset", "keep", "ignore"):
-        yield f"teleport 100 m, {mode}", partial(_teleport, mode)
+        yield body, f"teleport 100 m, {mode}", partial(_teleport, mode)
     for tall in (1e-3, 100.0):
-        yield f"{tall:g} m tall", partial(_turned, tall)
-    yield "step 1/3 s", partial(_turned, 1.65, solver_step=1 / 3, frame=1 / 3)
-    yield "step 1/15 s", partial(_turned, 1.65, solver_step=1 / 15, frame=1 / 15)
+        yield body, f"{tall:g} m tall", partial(_turned, tall)
+    for step in (3, 15, 30):
+        told = partial(_turned, PERSON_HEIGHT, solver_step=1 / step, frame=1 / step)
+        yield body, f"step 1/{step} s", told
+    long = partial(_turned, PERSON_HEIGHT, outfit=_LONG_SKIRT)
+    yield "long skirt", "turns at 1000 deg/s", partial(_turning, _RATE / 3, _LONG_SKIRT, 15.0)
+    yield "long skirt", "step 1/30 s", partial(long, solver_step=1 / 30, frame=1 / 30, calm=15.0)
+    for method in (ELLIPSOIDS, SDF, MESH):
+        yield "colliders", method, partial(_turned, PERSON_HEIGHT, method=method)
 
 
-def _scene(motion: Motion, **asked: object) -> Scene:
-    _, colliders, garments, _ = _dressed()
-    asked = {"size": 1.65, "calm": 6.0, "wearer": _wearer(1.0), **asked}
-    return Scene(garments=garments, colliders=colliders, motion=motion, **asked)  # type: ignore[arg-type]
-
-
-def _wearer(scale: float) -> Wearer:
-    body, colliders, garments, _ = _dressed()
-    return Wearer(body, colliders, garments, scale)
-
-
-def _standing(t: float) -> ColliderPoses:
-    body, _, _, poser = _dressed()
-    return poser.poses(rest_transforms(body.rig)).copy()
-
-
-def _turning() -> Scene:
-    return _scene(spinning(_standing, 2, _RATE, 0.96), busy=0.96)
+def _turning(rate: float, outfit: str = DEFAULT_OUTFIT, calm: float = 6.0) -> Scene:
+    worn = dressed(outfit)
+    return worn.scene(spinning(worn.standing, 2, rate, 0.96), busy=0.96, calm=calm)
 
 
 def _flapping() -> Scene:
     """Both upper arms go up and down through 60 degrees."""
-    body, _, _, poser = _dressed()
+    worn = dressed()
+    body, poser = worn.body, worn.poser
     rest = rest_transforms(body.rig)
     arms = [
         (body.rig.index(body.humanoid[f"{side}UpperArm"]), sign)
@@ -83,7 +123,7 @@ def _flapping() -> Scene:
             T[below] = about_x @ rest[below]
         return poser.poses(T).copy()
 
-    return _scene(motion, busy=1.0)
+    return worn.scene(motion, busy=1.0)
 
 
 def _about_x(angle: float, centre: FloatArray) -> FloatArray:
@@ -104,20 +144,25 @@ def _descendants(body: Body, joint: int) -> list[int]:
 
 
 def _teleport(mode: str) -> Scene:
+    worn = dressed()
+
     def motion(t: float) -> ColliderPoses:
-        poses = _standing(t)
+        poses = worn.standing(t)
         if t > 0.5:
             poses.position += np.array([60.0, 80.0, 0.0])
         return poses
 
-    return _scene(motion, jump=(0.5, mode))
+    return worn.scene(motion, jump=(0.5, mode))
 
 
-def _turned(tall: float, **asked: float) -> Scene:
+def _turned(
+    tall: float, outfit: str = DEFAULT_OUTFIT, method: str = HULLS, **asked: float
+) -> Scene:
     """Turns by half a turn within a second, at any size."""
-    scale = tall / 1.65
+    worn = dressed(outfit, method)
+    scale = tall / PERSON_HEIGHT
     busy = max(1.0, float(np.sqrt(scale)))
-    turning = spinning(_standing, 2, np.pi / busy, busy)
+    turning = spinning(worn.standing, 2, np.pi / busy, busy)
 
     def motion(t: float) -> ColliderPoses:
         poses = turning(t)
@@ -126,12 +171,11 @@ def _turned(tall: float, **asked: float) -> Scene:
 
     # With long frames, too, the ten that are judged come after six seconds.
     calm = 6.0 * max(1.0, busy) + 10.0 * float(asked.get("frame", 0.0))
-    scene = _scene(motion, size=tall, busy=busy, calm=calm, **asked)
+    scene = worn.scene(motion, scale, **{"size": tall, "busy": busy, "calm": calm, **asked})
     if scale == 1.0:
         return scene
     return replace(
         scene,
-        wearer=_wearer(scale),
         garments=tuple(_scaled(garment, scale) for garment in scene.garments),
         colliders=replace(
             scene.colliders,

@@ -49,6 +49,8 @@ class Scene:
         jump: At which time the body jumps [s], and what is done about it, as `on_teleport`.
         broken: Whether poses are NaN while it is disturbed.
         wearer: The body in it, where there is one.
+        forced: Stretch of edges that the scene itself asks for, such as by pins inside of a
+            collider; then cloth at its pins is inside, too.
     """
 
     garments: tuple[Garment, ...]
@@ -66,6 +68,7 @@ class Scene:
     jump: tuple[float, str] | None = None
     broken: bool = False
     wearer: Wearer | None = None
+    forced: float = 0.0
 
 
 def sheet(

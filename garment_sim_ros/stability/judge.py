@@ -1,41 +1,44 @@
 """Runs a scene to its extreme, leaves it alone, and says what is wrong with what remains.
 
-A cell fails where anything is not finite, where the garment leaves all bounds, where energy grows
-after the disturbance has ended, where the garment does not come to rest, where it rests elsewhere
-than without the disturbance although there is only one place, or where it had to be mended or
-reset, unless the body jumped or what came in was broken. A dressed body's cell fails where, in the
-end, more body parts run through garments than without the disturbance, or more of a garment is in
-the skin (see ``docs/worn.md``).
+What is judged, and by what limits, is in ``docs/measurements/stability.md``. Limits of stretch
+come from the fabric and what acts on it (`limits`), never from another run, which may be broken
+itself: the run without the disturbance is judged as well, by the same limits, and is compared with
+only where cloth can be at rest in one place.
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from garment_sim_ros.arrays import FloatArray
-from garment_sim_ros.errors import GarmentSimError, MessageError
-from garment_sim_ros.params import Environment
-from garment_sim_ros.sim.elasticity import edge_stiffness
-from garment_sim_ros.sim.model import ClothModel, Parameters
-from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.solvers import SOLVERS
+from garment_sim_ros.errors import GarmentSimError
+from garment_sim_ros.stability import limits
+from garment_sim_ros.stability.energy import Energy
 from garment_sim_ros.stability.extremes import Scene
-from garment_sim_ros.stability.wearer import HowWorn
+from garment_sim_ros.stability.run import End, Run, Seen
 
 BOX = 12.0
 """Farthest that a particle may ever be from the first collider, in sizes of the garment."""
-STRAIN = 0.5
-"""Most that the 95th percentile of stretch may be in the end above what it is undisturbed."""
 REST = 2e-3
 """Highest RMS speed in the last 10 frames, in sizes per second."""
 PLACE = 2e-3
-"""Farthest that a particle may rest from where it would undisturbed, in sizes."""
+"""Farthest that a particle may rest from where it would undisturbed, and a pin from where it is
+pinned, in sizes."""
+MOVED, MOVED_BY = 0.05, 0.025
+"""Farthest that a garment as a whole may rest from where it would be as skin, and from where it
+would be undisturbed, in heights of the body: raised arms lift a shirt."""
 INSIDE = 0.005
-"""Share of a garment's area that may be in the skin in the end, above what is undisturbed."""
+"""Share of a garment that may be in the skin, or in shapes, at rest."""
+CROSSED = 0.01
+"""Share of a garment's edges that may run through another one, or itself, at rest."""
+TANGLED = 0.001
+"""Share of all particles that may stay through another garment at rest, as some at a border do."""
+UNDER = 0.02
+"""Share of what lies on a garment that may be under it, at rest."""
 GAIN = 0.05
 """Share of the energy at the start of the calm that may be gained in it."""
+RECOVER = 0.5
+"""After so long [s] no body part may run through a garment, and no contact be dropped."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,193 +49,13 @@ class Outcome:
         faults: What is wrong; empty where nothing is.
         figures: What was measured.
         refused: Why it cannot be simulated, where the simulation says so; else empty.
+        skipped: Why it was not tried; else empty.
     """
 
-    faults: tuple[str, ...]
-    figures: dict[str, float]
+    faults: tuple[str, ...] = ()
+    figures: dict[str, float] = field(default_factory=dict)
     refused: str = ""
-
-
-class _Run:
-    """One scene with one solver.
-
-    Args:
-        scene: The scene.
-        solver: Name of the solver.
-    """
-
-    def __init__(self, scene: Scene, solver: str) -> None:
-        settings = SOLVERS[solver].settings()
-        if scene.passes is not None:
-            name = "sweeps" if hasattr(settings, "sweeps") else "iterations"
-            settings = replace(settings, **{name: scene.passes})
-        self._scene = scene
-        self.simulation = Simulation(
-            scene.garments,
-            scene.colliders,
-            environment=scene.environment,
-            settings=settings,
-            solver=solver,
-            solver_step=scene.solver_step,
-        )
-        self._last = self._free_positions()
-        self.rejected = 0
-        self.farthest = 0.0
-        self.finite = True
-
-    @property
-    def resets(self) -> int:
-        """Times that a garment had to be put back."""
-        return sum(self.simulation.health(n).resets for n in self.simulation.names)
-
-    @property
-    def mended(self) -> int:
-        """Particles that had to be put right."""
-        return sum(self.simulation.health(n).recovered for n in self.simulation.names)
-
-    @property
-    def speed(self) -> float:
-        """RMS speed of the garments' free particles, from where they were a frame before [m/s].
-
-        A particle that something pulls into a surface may have a velocity in every sub-step and
-        be in one place after each frame.
-        """
-        return max(
-            math.sqrt(float(((x - self._last[name]) ** 2).sum(axis=1).mean())) / self._scene.frame
-            for name, x in self._free_positions().items()
-        )
-
-    def _free_positions(self) -> dict[str, FloatArray]:
-        """World positions of free particles [m], shape [n, 3] each."""
-        simulation = self.simulation
-        return {
-            name: simulation.state(name).x[: simulation.model(name).free_count] + simulation.origin
-            for name in simulation.names
-        }
-
-    def undisturbed(self) -> None:
-        """Where the garment is without the disturbance."""
-        scene = self._scene
-        self.simulation.reset(scene.motion(scene.busy + 1.0))
-        self._go(scene.busy, 0.5 * scene.calm)
-
-    def disturb(self) -> None:
-        """Goes through the disturbance."""
-        scene, simulation = self._scene, self.simulation
-        simulation.reset(scene.motion(0.0))
-        self._blow(scene.disturbed)
-        self._go(0.0, scene.busy)
-        self._blow(scene.environment)
-
-    def _blow(self, environment: Environment) -> None:
-        simulation = self.simulation
-        simulation.parameters = Parameters(
-            environment=environment, settings=simulation.parameters.settings
-        )
-
-    def frame(self, t: float) -> None:
-        """One frame up to a time."""
-        scene = self._scene
-        start, end = scene.motion(t - scene.frame), scene.motion(t)
-        jump = scene.jump is not None and t - scene.frame <= scene.jump[0] < t
-        if scene.broken and t <= scene.busy:
-            end.position[0] = np.nan
-        self._last = self._free_positions()
-        try:
-            if jump and scene.jump is not None and scene.jump[1] == "reset":
-                self.simulation.reset(end)
-            elif jump and scene.jump is not None and scene.jump[1] == "keep":
-                self.simulation.transport(start, end)
-            else:
-                self.simulation.advance(start, end, scene.frame)
-        except MessageError:
-            self.rejected += 1
-        bone = scene.motion(t).position[0]
-        for name in self.simulation.names:
-            x = self.simulation.positions(name)
-            far = float(np.abs(x - bone).max())
-            self.finite &= math.isfinite(far)
-            self.farthest = max(self.farthest, far)
-
-    def _go(self, start: float, end: float) -> None:
-        for n in range(1, max(1, round((end - start) / self._scene.frame)) + 1):
-            self.frame(start + n * self._scene.frame)
-
-    def worn(self) -> HowWorn | None:
-        """How the garments are worn in the end; None where there is no body."""
-        scene = self._scene
-        if scene.wearer is None:
-            return None
-        x = {n: self.simulation.positions(n) for n in self.simulation.names}
-        return scene.wearer.look(scene.motion(scene.busy + scene.calm), x)
-
-    def positions(self) -> FloatArray:
-        """World positions of all garments [m], shape [n, 3]."""
-        return np.concatenate(
-            [self.simulation.positions(n).astype(np.float64) for n in self.simulation.names]
-        )
-
-
-class _Energy:
-    """Kinetic and potential energy of all garments."""
-
-    def __init__(self, simulation: Simulation, gravity: tuple[float, ...]) -> None:
-        self._simulation = simulation
-        self._gravity = np.array(gravity)
-        self._springs = {n: _stretch(simulation.model(n)) for n in simulation.names}
-
-    def outer(self) -> float:
-        """Kinetic energy and that in the field of gravity [J]."""
-        total = 0.0
-        for name in self._simulation.names:
-            model, state = self._simulation.model(name), self._simulation.state(name)
-            free = model.free_count
-            mass = model.mass[:free].astype(np.float64)
-            v = state.v[:free].astype(np.float64)
-            x = state.x[:free].astype(np.float64) + self._simulation.origin
-            total += float(mass @ (0.5 * (v**2).sum(axis=1) - x @ self._gravity))
-        return total
-
-    def kinetic(self) -> float:
-        """Kinetic energy [J]."""
-        total = 0.0
-        for name in self._simulation.names:
-            model, state = self._simulation.model(name), self._simulation.state(name)
-            v = state.v[: model.free_count].astype(np.float64)
-            total += float(0.5 * model.mass[: model.free_count] @ (v**2).sum(axis=1))
-        return total
-
-    def stored(self) -> float:
-        """What stretched edges hold by the material's stiffness [J]."""
-        total = 0.0
-        for name, (edges, rest, stiffness) in self._springs.items():
-            x = self._simulation.state(name).x.astype(np.float64)
-            excess = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) - rest
-            total += float(0.5 * stiffness @ excess**2)
-        return total
-
-
-def _stretch(model: ClothModel) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:
-    """Edges, their rest lengths [m] and stiffnesses [N/m]."""
-    springs = model.springs
-    edges = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
-    rest = np.linalg.norm(model.rest[edges[:, 0]] - model.rest[edges[:, 1]], axis=1)
-    return (
-        edges,
-        rest,
-        edge_stiffness(model.rest, model.particle_triangles, edges, model.material),
-    )
-
-
-def _strain(simulation: Simulation) -> float:
-    """95th percentile of stretch over all garments."""
-    strains = []
-    for name in simulation.names:
-        edges, rest, _ = _stretch(simulation.model(name))
-        x = simulation.state(name).x.astype(np.float64)
-        apart = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1)
-        strains.append(apart[rest > 0] / rest[rest > 0] - 1.0)
-    return float(np.percentile(np.concatenate(strains), 95.0))
+    skipped: str = ""
 
 
 def judge(scene: Scene, solver: str) -> Outcome:
@@ -243,20 +66,24 @@ def judge(scene: Scene, solver: str) -> Outcome:
         solver: Name of the solver; with its default settings.
     """
     try:
-        still, run = _Run(scene, solver), _Run(scene, solver)
+        still, run = Run(scene, solver), Run(scene, solver)
     except GarmentSimError as error:
         # Saying clearly that something cannot be simulated is a good answer.
-        return Outcome(faults=(), figures={}, refused=str(error))
+        return Outcome(refused=str(error))
     still.undisturbed()
-    run.disturb()
-    energy = _Energy(run.simulation, scene.environment.gravity)
+    place = still.end() if still.finite else None
+    seen = run.disturb()
+    energy = Energy(run.simulation, scene.environment.gravity)
     calm = _Calm(outer=[energy.outer()], kinetic=[energy.kinetic()], stored=energy.stored())
     for n in range(1, round(scene.calm / scene.frame) + 1):
         run.frame(scene.busy + n * scene.frame)
         calm.outer.append(energy.outer())
         calm.kinetic.append(energy.kinetic())
         calm.speed.append(run.speed)
-    return _verdict(scene, still, run, calm)
+        calm.seen.add(run.strain, 0, 0)
+        if n * scene.frame > RECOVER:
+            calm.back.add(run.strain, run.pierced, run.let_go)
+    return _verdict(scene, (still, place), run, seen, calm)
 
 
 @dataclass(kw_only=True)
@@ -268,25 +95,31 @@ class _Calm:
         kinetic: Kinetic energy [J].
         stored: What edges held at the start [J].
         speed: RMS speed [m/s].
+        seen: The worst stretch.
+        back: The worst of all after `RECOVER`.
     """
 
     outer: list[float]
     kinetic: list[float]
     stored: float
     speed: list[float] = field(default_factory=list)
+    seen: Seen = field(default_factory=Seen)
+    back: Seen = field(default_factory=Seen)
 
 
-def _verdict(scene: Scene, still: _Run, run: _Run, calm: _Calm) -> Outcome:
-    faults = []
+def _verdict(
+    scene: Scene, undisturbed: tuple[Run, End | None], run: Run, seen: Seen, calm: _Calm
+) -> Outcome:
+    still, place = undisturbed
     figures: dict[str, float] = {
         "resets": run.resets,
         "mended": run.mended,
         "rejected": run.rejected,
         "farthest": run.farthest / scene.size,
     }
-    if not (run.finite and math.isfinite(sum(calm.outer))):
-        faults.append("not finite")
-        return Outcome(faults=tuple(faults), figures=figures)
+    if place is None or not (run.finite and math.isfinite(sum(calm.outer))):
+        return Outcome(faults=("not finite",), figures=figures)
+    faults = []
     may_break = scene.broken or scene.jump is not None
     if run.resets and not may_break:
         faults.append("reset")
@@ -294,10 +127,9 @@ def _verdict(scene: Scene, still: _Run, run: _Run, calm: _Calm) -> Outcome:
         faults.append("mended")
     if run.farthest > BOX * scene.size:
         faults.append("out of bounds")
-    strain, usual = _strain(run.simulation), _strain(still.simulation)
-    figures |= {"strain_p95": strain, "strain_p95_undisturbed": usual}
-    if strain > usual + STRAIN:
-        faults.append("stretched")
+    end = run.end()
+    lively, figures["acting"] = _on_the_way(scene, seen, calm, may_break)
+    faults += lively
 
     mass = float(sum(m.mass.sum() for m in map(run.simulation.model, run.simulation.names)))
     grown, figures["gained"] = _has_grown(scene, calm, mass)
@@ -306,20 +138,81 @@ def _verdict(scene: Scene, still: _Run, run: _Run, calm: _Calm) -> Outcome:
     figures["rest_speed"] = max(calm.speed[-10:]) / scene.size
     if figures["rest_speed"] > REST:
         faults.append("restless")
-    worn, usually = run.worn(), still.worn()
-    if worn is not None and usually is not None:
-        figures |= {"pierced": worn.pierced, "pierced_undisturbed": usually.pierced}
-        figures |= {"inside": worn.inside, "inside_undisturbed": usually.inside}
-        if worn.pierced > usually.pierced:
-            faults.append("pierced")
-        if worn.inside > usually.inside + INSIDE:
-            faults.append("inside")
-    if scene.unique:
-        away = float(np.linalg.norm(run.positions() - still.positions(), axis=1).max())
-        figures["away"] = away / scene.size
-        if away > PLACE * scene.size:
+    at_rest, before = _at_rest(scene, end), _at_rest(scene, place)
+    faults += at_rest
+    faults += [f"{fault} undisturbed" for fault in before if fault not in at_rest]
+    if end.worn is not None and place.worn is not None:
+        by = float(np.linalg.norm(end.worn.moved - place.worn.moved, axis=1).max())
+        figures["moved_by"] = by
+        if by > MOVED_BY and "elsewhere" not in faults:
             faults.append("elsewhere")
+    if scene.unique:
+        here, there = run.by_name(), still.by_name()
+        away = max(np.linalg.norm(here[n] - there[n], axis=1).max() for n in here)
+        figures["away"] = float(away) / scene.size
+        if away > PLACE * scene.size and "elsewhere" not in faults:
+            faults.append("elsewhere")
+    figures |= _figures(end, seen, calm)
+    figures |= {f"{k}_undisturbed": v for k, v in _figures(place).items()}
     return Outcome(faults=tuple(faults), figures={k: float(v) for k, v in figures.items()})
+
+
+def _on_the_way(scene: Scene, seen: Seen, calm: _Calm, may_break: bool) -> tuple[list[str], float]:
+    """Faults before it rests, and by how much what acts would stretch the fabric."""
+    faults = []
+    limit, acting = limits.meanwhile(scene), limits.acting(scene)
+    for moment in [calm.seen] if may_break else [seen, calm.seen]:
+        if moment.most > limit.most or moment.largest > limit.largest:
+            faults.append("stretched meanwhile")
+        if moment.crushed > limit.crushed:
+            faults.append("crushed meanwhile")
+    for moment in [calm.back] if may_break or acting > limits.BREAKS else [seen, calm.back]:
+        if moment.pierced:
+            faults.append("pierced meanwhile")
+        if moment.let_go and limits.hanging(scene) < limits.BREAKS:
+            faults.append("dropped meanwhile")
+    return list(dict.fromkeys(faults)), acting
+
+
+def _at_rest(scene: Scene, end: End) -> list[str]:
+    """Faults of what there is in the end."""
+    limit = limits.at_rest(scene)
+    stretched = end.strain.most > limit.most or end.strain.largest > limit.largest
+    found = {
+        "stretched": stretched,
+        "crushed": end.strain.crushed > limit.crushed,
+        "inside": end.buried > INSIDE and not scene.forced,
+        "dropped": end.let_go > 0 and limits.hanging(scene) < limits.BREAKS,
+        "tangled": end.tangled > TANGLED or end.crossed > CROSSED,
+        "elsewhere": end.off_pins > PLACE,
+    }
+    if end.worn is not None:
+        found["pierced"] = end.worn.pierced > 0
+        moved = np.linalg.norm(end.worn.moved, axis=1).max()
+        found["elsewhere"] |= bool(moved > MOVED + limits.SAGS * limits.hanging(scene))
+        found["layers"] = end.worn.under > UNDER
+    return [fault for fault, is_there in found.items() if is_there]
+
+
+def _figures(end: End, seen: Seen | None = None, calm: _Calm | None = None) -> dict[str, float]:
+    """Figures of what there is in the end, and on the way there."""
+    figures: dict[str, float] = {
+        "strain_p95": end.strain.most,
+        "strain_largest": end.strain.largest,
+        "crushed": end.strain.crushed,
+        "let_go": end.let_go,
+        "tangled": end.tangled,
+        "crossed": end.crossed,
+        "inside": end.buried,
+        "off_pins": end.off_pins,
+    }
+    if end.worn is not None:
+        moved = float(np.linalg.norm(end.worn.moved, axis=1).max())
+        figures |= {"pierced": end.worn.pierced, "moved": moved, "under": end.worn.under}
+    if seen is not None and calm is not None:
+        for name, of in (("meanwhile", seen), ("calm", calm.seen), ("back", calm.back)):
+            figures |= {f"{k}_{name}": v for k, v in vars(of).items()}
+    return figures
 
 
 def _has_grown(scene: Scene, calm: _Calm, mass: float) -> tuple[bool, float]:

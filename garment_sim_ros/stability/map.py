@@ -1,8 +1,9 @@
 """The stability map as a table and a picture."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from PIL import Image, ImageDraw, ImageFont
 
@@ -10,12 +11,16 @@ from garment_sim_ros.stability.judge import Outcome
 
 _COLORS = {
     "holds": (86, 156, 112),
+    "skipped": (205, 205, 200),
     "refused": (150, 170, 190),
     "inaccurate": (228, 178, 84),
     "broken": (196, 78, 72),
 }
-_BROKEN = ("not finite", "out of bounds", "reset", "mended", "energy grows", "pierced")
-_ROW, _CELL, _LABEL, _MARGIN = 22, 150, 330, 16
+_BROKEN = (
+    *("not finite", "out of bounds", "reset", "mended", "energy grows"),
+    *("crushed", "inside", "pierced", "tangled", "layers"),
+)
+_ROW, _CELL, _LABEL, _MARGIN = 22, 190, 330, 16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,17 +31,24 @@ class Row:
         extreme: What was driven to an extreme.
         value: How far.
         outcomes: What came of it, a solver each.
+        seconds: How long that took, a solver each [s].
     """
 
     extreme: str
     value: str
     outcomes: dict[str, Outcome]
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def skipped(self) -> str:
+        """Why it was not tried; empty where it was."""
+        return next(iter(self.outcomes.values())).skipped
 
 
 def grade(outcome: Outcome) -> str:
     """How bad it is: a key of the colours in the picture."""
-    if outcome.refused:
-        return "refused"
+    if outcome.refused or outcome.skipped:
+        return "refused" if outcome.refused else "skipped"
     if not outcome.faults:
         return "holds"
     return "broken" if any(f in _BROKEN for f in outcome.faults) else "inaccurate"
@@ -44,8 +56,8 @@ def grade(outcome: Outcome) -> str:
 
 def words(outcome: Outcome) -> str:
     """What a cell of the table says."""
-    if outcome.refused:
-        return "refused"
+    if outcome.refused or outcome.skipped:
+        return grade(outcome)
     return ", ".join(outcome.faults) or "holds"
 
 
@@ -58,9 +70,17 @@ def table(rows: Sequence[Row]) -> str:
         said = " | ".join(words(row.outcomes[s]) for s in solvers)
         lines.append(f"| {'' if row.extreme == last else row.extreme} | {row.value} | {said} |")
         last = row.extreme
-    held = [sum(not row.outcomes[s].faults for row in rows) for s in solvers]
-    lines.append(f"| **held** | of {len(rows)} | {' | '.join(map(str, held))} |")
+    held = held_by(rows)
+    tried = sum(not row.skipped for row in rows)
+    lines.append(f"| **held** | of {tried} | {' | '.join(str(held[s]) for s in solvers)} |")
     return "\n".join(lines) + "\n"
+
+
+def held_by(rows: Sequence[Row]) -> dict[str, int]:
+    """In how many cells each solver holds."""
+    tried = [row for row in rows if not row.skipped]
+    solvers = list(rows[0].outcomes)
+    return {s: sum(not row.outcomes[s].faults for row in tried) for s in solvers}
 
 
 def picture(rows: Sequence[Row], path: Path) -> None:
@@ -86,14 +106,13 @@ def picture(rows: Sequence[Row], path: Path) -> None:
             draw.line((_MARGIN, y, width - _MARGIN, y), (205, 205, 200))
             draw.text((_MARGIN, y + 3), row.extreme, ink, font)
             last = row.extreme
-        draw.text((_MARGIN + 140, y + 3), row.value, ink, font)
+        room = _LABEL - 140
+        draw.text((_MARGIN + 140, y + 3), _cut(row.value, room, draw, font), ink, font)
         for k, solver in enumerate(solvers):
             x = _MARGIN + _LABEL + k * _CELL
             outcome = row.outcomes[solver]
             draw.rectangle((x + 2, y + 2, x + _CELL - 3, y + _ROW - 2), _COLORS[grade(outcome)])
-            text = words(outcome)
-            while draw.textlength(text, font) > _CELL - 16:
-                text = text[:-2] + "…" if text.endswith("…") else text[:-1] + "…"
+            text = _cut(words(outcome), _CELL - 16, draw, font)
             draw.text((x + 8, y + 3), text, (255, 255, 255), font)
     y = _MARGIN + _ROW * (len(rows) + 1) + 4
     for k, (name, color) in enumerate(_COLORS.items()):
@@ -101,3 +120,10 @@ def picture(rows: Sequence[Row], path: Path) -> None:
         draw.rectangle((x, y + 2, x + 14, y + 14), color)
         draw.text((x + 20, y), name, ink, font)
     image.save(path)
+
+
+def _cut(text: str, width: float, draw: ImageDraw.ImageDraw, font: Any) -> str:
+    """What of a text has room."""
+    while draw.textlength(text, font) > width:
+        text = text[:-2] + "…" if text.endswith("…") else text[:-1] + "…"
+    return text
