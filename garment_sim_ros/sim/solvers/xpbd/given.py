@@ -173,4 +173,4 @@ class Given(NamedTuple):
     own: Particles
     rule: Rule
     to_solve: tuple[Particles, Elastic, Frames, Planes, Rule]
-    to_meet: tuple[Particles, Bodies, Planes, Rule]
+    to_meet: tuple[Particles, Bodies, Prepared, Planes, Rule]
