@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.patterns.pattern import Panel, Placement
 from garment_sim_ros.garment.patterns.pieces import Pieces
@@ -15,6 +15,14 @@ CLEARANCE = 0.02
 """Distance that flat panels keep from the body at the start [m]."""
 _ROLLED = 0.01
 """Distance that rolled ones keep, which are all around a limb [m]."""
+_ON_WAY = 9
+"""Places on the way between two sewn vertices that are looked at."""
+_LEVEL = 0.03
+"""Seams within this height are one level [m]."""
+_HIGHEST, _LIFT_STEP = 0.12, 0.01
+"""How far panels are lifted at most, and in which steps [m]."""
+_OVER = 0.008
+"""Distance from the skin that ways keep [m]."""
 _STEPS = 60
 _FARTHEST = 0.8
 """How far a panel is moved at most [m]."""
@@ -26,7 +34,9 @@ def placed_clear(pieces: Pieces, body: MeshDistance, body_name: str) -> Pieces:
     """The pieces with every panel moved out until it is clear of the body.
 
     A flat panel moves along its outside, a rolled one along the limb that it is rolled around,
-    away from the trunk.
+    away from the trunk. All of them are then lifted as far as it takes for what is sewn to meet
+    over the body, not through it: the shoulder seams of a front and a back come together above
+    the shoulders.
 
     Args:
         pieces: The cut pattern.
@@ -52,7 +62,55 @@ def placed_clear(pieces: Pieces, body: MeshDistance, body_name: str) -> Pieces:
         panels[name] = replace(
             panel, placement=Placement(T_world_panel=T, bend=panel.placement.bend)
         )
-    return pieces.with_pattern(replace(pattern, panels=panels))
+    clear = pieces.with_pattern(replace(pattern, panels=panels))
+    return _raised(clear, _lift(clear, body))
+
+
+def _raised(pieces: Pieces, lift: float) -> Pieces:
+    """The pieces so much higher [m]."""
+    panels = {}
+    for name, panel in pieces.pattern.panels.items():
+        T = panel.placement.T_world_panel.copy()
+        # What is rolled around a limb stays around it.
+        T[2, 3] += lift if not np.isfinite(panel.placement.bend) else 0.0
+        place = Placement(T_world_panel=T, bend=panel.placement.bend)
+        panels[name] = replace(panel, placement=place)
+    return pieces.with_pattern(replace(pieces.pattern, panels=panels))
+
+
+def _lift(pieces: Pieces, body: MeshDistance) -> float:
+    """The least height at which the highest seams of fronts to backs meet over the body [m].
+
+    Of the heights at which as few of their ways as can be are in the body, the least.
+    """
+    pairs = _on_top(pieces)
+    if not len(pairs):
+        return 0.0
+    shares = np.linspace(0.0, 1.0, _ON_WAY + 2)[1:-1, None, None]
+    lifts = np.arange(0.0, _HIGHEST + 1e-9, _LIFT_STEP)
+    blocked = []
+    for lift in lifts:
+        x = _raised(pieces, lift).placed()
+        a, b = x[pairs[:, 0]], x[pairs[:, 1]]
+        ways = ((1.0 - shares) * a + shares * b).reshape(-1, 3)
+        inside = body.signed_distance(ways)[0].reshape(_ON_WAY, -1) < _OVER
+        blocked.append(int(inside.any(axis=0).sum()))
+    return float(lifts[int(np.argmin(blocked))])
+
+
+def _on_top(pieces: Pieces) -> IntArray:
+    """Pairs of sewn vertices of the highest seams between panels that face opposite ways."""
+    normal = [p.placement.T_world_panel[:3, 2] for p in pieces.pattern.panels.values()]
+    x = pieces.placed()
+    found = []
+    for pairs in pieces.seams:
+        a, b = (normal[pieces.panel[pairs[0, side]]] for side in (0, 1))
+        if a @ b < -0.5:
+            found.append((float(x[pairs, 2].mean()), pairs))
+    if not found:
+        return np.zeros((0, 2), np.int32)
+    top = max(height for height, _ in found)
+    return np.concatenate([pairs for height, pairs in found if height > top - _LEVEL])
 
 
 def away(panel: Panel) -> FloatArray:
@@ -85,8 +143,10 @@ def _way_out(
 ) -> FloatArray:
     """How far to move a panel [m], shape [3]."""
     direction = away(panel)
-    moved = 0.0
-    clear = _ROLLED if np.isfinite(panel.placement.bend) else CLEARANCE
+    rolled = np.isfinite(panel.placement.bend)
+    clear = _ROLLED if rolled else CLEARANCE
+    # What is farther away than it need be has a longer way to go as it is sewn.
+    moved = 0.0 if rolled else min(0.0, clear - float(body.signed_distance(x)[0].min()))
     for _ in range(_STEPS):
         gap = float(body.signed_distance(x + moved * direction)[0].min())
         if gap >= clear:

@@ -27,9 +27,6 @@ _GAP = 0.06
 """Distance from the body at which panels are drawn, before they are moved clear [m]."""
 _ROUND = 0.025
 """Distance of a rolled sleeve from its arm [m]."""
-_LIFT = 0.03
-"""How much higher than they will hang trunk panels start, so that shoulders come from above
-[m]."""
 _OPEN = 0.06
 """Part of the way round an arm that a sleeve leaves open until it is sewn."""
 
@@ -75,13 +72,6 @@ def facing(tape: Tape, forward: float, away: float) -> FloatArray:
     T = np.eye(4)
     T[:3, :3] = np.column_stack([[0.0, forward, 0.0], [0.0, 0.0, 1.0], [forward, 0.0, 0.0]])
     T[:3, 3] = [away, tape.waist.centre[1], tape.floor]
-    return T
-
-
-def lifted(T_world_panel: FloatArray) -> FloatArray:
-    """A panel's plane a little higher, shape [4, 4]."""
-    T = T_world_panel.copy()
-    T[2, 3] += _LIFT
     return T
 
 
@@ -131,7 +121,7 @@ def trunk_panel(name: str, size: Trunk, T_world_panel: FloatArray) -> Panel:
         name=name,
         corners=corners,
         edges=edges,
-        placement=Placement(T_world_panel=lifted(T_world_panel)),
+        placement=Placement(T_world_panel=T_world_panel),
         label="body",
     )
 
