@@ -143,7 +143,7 @@ class Avatar:
         fabric = asked.get("material", "cotton_jersey")
         made = make(
             source,
-            Model(self.body, self.colliders),
+            Model(self.body),
             edge_length=asked.pop("edge_length", None),
             fabric=fabric if isinstance(fabric, str) else None,
         )

@@ -9,6 +9,7 @@ import numpy as np
 import yaml
 
 from garment_sim_ros.avatar import Avatar
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.cli.progress import Phases
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.errors import GeometryError, ParameterError
@@ -65,8 +66,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if args.out.suffix not in (".yaml", ".yml"):
         raise ParameterError("--out", f"found {str(args.out)!r:.80}", "allowed: a .yaml file")
     names = _names(args.garment)
-    avatar = Avatar.load(args.body)
-    model = Model(avatar.body, avatar.colliders)
+    model = Model(load_body(args.body))
     if args.measures:
         _print_measures(model)
     made = _sewn(model, {n: s for n, s in names.items() if not _is_mesh(s)}, args)
@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
                 entry = {"name": name, "mesh": file, "material": made[name].fabric}
                 figures[name] = _figures(name, made[name])
             else:
-                entry, figures[name] = _fit_mesh(avatar, source, name, args, stage)
+                entry, figures[name] = _fit_mesh(source, name, args, stage)
             entries.append(entry)
         text = yaml.safe_dump({"version": 1, "garments": entries}, sort_keys=False)
         (stage / args.out.name).write_text(text, encoding="utf-8")
@@ -132,9 +132,10 @@ def _draw(model: Model, made: dict[str, Made], args: argparse.Namespace, stage: 
 
 
 def _fit_mesh(
-    avatar: Avatar, source: str, name: str, args: argparse.Namespace, stage: Path
+    source: str, name: str, args: argparse.Namespace, stage: Path
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """A mesh repaired, refined and put outside of the body."""
+    """A mesh repaired, refined and put outside of the colliders that it will be worn on."""
+    avatar = Avatar.load(args.body)
     options: dict[str, Any] = {} if args.fabric is None else {"material": args.fabric}
     if args.edge_length is not None:
         options["edge_length"] = args.edge_length

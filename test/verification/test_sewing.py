@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from simple_patterns import tube
 
-from garment_sim_ros.avatar import Avatar
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.patterns.gates import LIMITS, gates, self_intersections
 from garment_sim_ros.garment.patterns.making import DRAFTS, Model, make
@@ -20,8 +20,7 @@ from garment_sim_ros.sim.simulation import Simulation
 
 @pytest.fixture(scope="module")
 def model():
-    avatar = Avatar.load("mannequin")
-    return Model(avatar.body, avatar.colliders)
+    return Model(load_body("mannequin"))
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,8 @@ import numpy as np
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.collider_params import SDF
+from garment_sim_ros.colliders.fit_cache import cached_fit
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError, ParameterError
@@ -21,7 +23,9 @@ from garment_sim_ros.garment.mesh_data import GarmentMesh
 from garment_sim_ros.garment.outfit import make_outfit
 from garment_sim_ros.garment.outfit_file import outfit_from
 from garment_sim_ros.garment.patterns.checking import check
+from garment_sim_ros.garment.patterns.drafts.dresses import sleeveless_dress, wide_dress
 from garment_sim_ros.garment.patterns.drafts.skirts import long_skirt, short_skirt
+from garment_sim_ros.garment.patterns.drafts.trousers import trousers
 from garment_sim_ros.garment.patterns.drafts.tshirt import long_sleeved_shirt, tshirt
 from garment_sim_ros.garment.patterns.garmentcode import read_garmentcode
 from garment_sim_ros.garment.patterns.gates import Gates, gates
@@ -32,7 +36,7 @@ from garment_sim_ros.garment.patterns.sewing import Sewn, Tell, sew
 from garment_sim_ros.garment.patterns.tape import Tape, measured
 from garment_sim_ros.garment.sewn_file import write_sewn
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
-from garment_sim_ros.params import Material
+from garment_sim_ros.params import ColliderOptions, Material
 from garment_sim_ros.sim.placement import find_frames
 from garment_sim_ros.sim.simulation import Simulation
 
@@ -72,6 +76,15 @@ DRAFTS: Mapping[str, Draft] = MappingProxyType(
         "long_skirt": Draft(
             make=long_skirt, vertices=2235, fabric="polyester", text="long A-line skirt"
         ),
+        "trousers": Draft(
+            make=trousers, vertices=2400, fabric="cotton_twill", text="straight trousers"
+        ),
+        "sleeveless_dress": Draft(
+            make=sleeveless_dress, vertices=2200, fabric="polyester", text="sleeveless shift dress"
+        ),
+        "wide_dress": Draft(
+            make=wide_dress, vertices=2600, fabric="polyester", text="wide sleeveless dress"
+        ),
     }
 )
 """Patterns of our own by name; sizes of the first three are those of the first paper's figures."""
@@ -80,9 +93,12 @@ DRAFTS: Mapping[str, Draft] = MappingProxyType(
 class Model:
     """The body that garments are sewn on, with arms away from the trunk.
 
+    Garments are sewn on sampled distances to the skin itself: hulls bridge armpits, and what is
+    sewn around them would be stretched there for good. What it is worn on later may be others.
+
     Args:
         body: The body.
-        colliders: What garments lie on.
+        colliders: What garments lie on; None: sampled distances to its skin.
 
     Attributes:
         skin: Its skin [m], shape [v, 3].
@@ -93,7 +109,9 @@ class Model:
         GeometryError: Colliders of another body.
     """
 
-    def __init__(self, body: Body, colliders: ColliderSet) -> None:
+    def __init__(self, body: Body, colliders: ColliderSet | None = None) -> None:
+        if colliders is None:
+            colliders = cached_fit(body, ColliderOptions(method=SDF), None)
         self.body = body
         self.colliders = colliders
         self.measures: Measures | None = None

@@ -5,6 +5,7 @@ cloth's right side. Their edges run counter-clockwise seen from there. Two edges
 against each other, as in any surface with one outside, unless the stitch turns a piece over.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -171,7 +172,7 @@ class Pattern:
         return sum(panel.area for panel in self.panels.values())
 
 
-def loop(corners: FloatArray, **of_edge: dict[str, object]) -> tuple[Edge, ...]:
+def loop(corners: FloatArray, **of_edge: Mapping[str, object]) -> tuple[Edge, ...]:
     """Edges of a closed outline through all corners in order, straight unless told otherwise.
 
     Args:

@@ -32,7 +32,9 @@ _DRAG = 3.0
 """Drag of the air meanwhile [kg/(m^2 s)]."""
 _STEP = 1 / 60
 _NAME = "sewn"
-_JOINING = 30
+WAIST = "waist"
+"""Label of edges that a band holds to the waist."""
+_JOINING = 60
 """Steps in micro-gravity in which the sewn garment comes free of itself."""
 _AFTER = 0.3
 """Time after the stitches have closed in which the cloth calms down [s]."""
@@ -119,7 +121,8 @@ def sew(
     _check_closed(pieces, gaps)
     x = _joined(pieces, closed, wearer, material, tell)
     tell("draping", 0.0)
-    simulation = Simulation(_whole(pieces, x, wearer, material), wearer.colliders)
+    whole = _banded(pieces, _whole(pieces, x, wearer, material))
+    simulation = Simulation(whole, wearer.colliders)
     simulation.reset(wearer.poses)
     tell("draping", 0.7)
     rms, fastest = _come_to_rest(simulation, wearer.poses, tell)
@@ -145,6 +148,18 @@ def _whole(pieces: Pieces, x: FloatArray, wearer: Wearer, material: Material) ->
         flat=pieces.corners,
         self_collision=apart,
     )
+
+
+def _banded(pieces: Pieces, whole: Garment) -> Garment:
+    """The garment with its waist held as a band holds it: where it was sewn around the body."""
+    labels = [[e.label for e in panel.edges] for panel in pieces.pattern.panels.values()]
+    band = [
+        n
+        for n, (panel, edge) in enumerate(zip(pieces.panel, pieces.edge, strict=True))
+        if edge >= 0 and labels[panel][edge] == WAIST
+    ]
+    pins = np.unique(pieces.welded[band]).astype(np.int32)
+    return replace(whole, pins=pins, pin_frame=np.zeros(len(pins), np.int32))
 
 
 def _joined(

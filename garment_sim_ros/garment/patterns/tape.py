@@ -47,6 +47,7 @@ class Tape:
         thigh: Girth of a thigh below the crotch.
         knee: Girth of a leg halfway down.
         ankle: Least girth of a leg.
+        foot_out: Distance of an ankle's middle from the mid-plane.
         arms: The left and the right arm.
         levels: Sections of the trunk from crotch to neck, upwards.
     """
@@ -65,6 +66,7 @@ class Tape:
     thigh: float
     knee: float
     ankle: float
+    foot_out: float
     arms: tuple[Arm, Arm]
     levels: tuple[Level, ...]
 
@@ -147,6 +149,7 @@ def measured(vertices: FloatArray, triangles: IntArray, name: str = "the body") 
         thigh=thigh,
         knee=knee,
         ankle=ankle,
+        foot_out=_foot_out(legs, mid, height),
         arms=(arms[0], arms[1]),
         levels=tuple(v for v in levels if v.height <= neck.height),
     )
@@ -305,3 +308,9 @@ def _leg_girths(
 
     ankle = min(girth(s) for s in np.linspace(0.08, 0.3, 12))
     return girth(0.96), girth(0.58), ankle
+
+
+def _foot_out(legs: list[tuple[float, Loops]], mid: float, height: float) -> float:
+    """Mean distance of the legs' middles from the mid-plane at the ankles [m]."""
+    _, loops = min(legs, key=lambda cut: abs(cut[0] - 0.06 * height))
+    return float(np.mean([abs(m[1] - mid) for m in loops.middle]))

@@ -8,6 +8,9 @@ from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.patterns.tape_sections import Level, girth_of, loops_at
 
+_TRUNK = 1.8
+"""A section longer than the median of an arm's by this is not that of the arm alone."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Arm:
@@ -69,6 +72,8 @@ def _along_arm(
         if len(there) < 12:
             raise GeometryError(f"{name}: an arm cannot be measured; allowed: arms off the trunk")
         s, middles, girths = (np.array(v) for v in zip(*there, strict=True))
+        own = girths < _TRUNK * np.median(girths)  # others go through the trunk as well
+        s, middles, girths = s[own], middles[own], girths[own]
         fore = s < 0.7 * reach
         line = np.polyfit(s[fore], middles[fore], 1)
         start, end = line[1], line[1] + reach * line[0]

@@ -7,7 +7,13 @@ the side seam let out towards the hem. The formulas are our own.
 
 import numpy as np
 
-from garment_sim_ros.garment.patterns.drafts.upper import facing, front_and_back, unit, widest
+from garment_sim_ros.garment.patterns.drafts.upper import (
+    STAND_OFF,
+    facing,
+    front_and_back,
+    unit,
+    widest,
+)
 from garment_sim_ros.garment.patterns.pattern import Edge, Panel, Pattern, Placement, Seam, Stitch
 from garment_sim_ros.garment.patterns.tape import Tape
 
@@ -58,7 +64,7 @@ def _panel(name: str, tape: Tape, hem: float, flare: float, forward: float, away
     hip_height = tape.hip.height
     low = min(hip_height, top - 0.12 * u)
     hip = (1.0 + _HIP_EASE) * widest(tape, low - 0.02, top) / 4.0
-    waist = (1.0 + _WAIST_EASE) * tape.waist.girth / 4.0
+    waist = ((1.0 + _WAIST_EASE) * tape.waist.girth + STAND_OFF) / 4.0
     spare = max(hip - waist, 0.0)
     dart = (1.0 - _AT_SIDE) * spare
     side = waist + dart

@@ -3,6 +3,8 @@
 Drafted as `upper` has it: Aldrich's flat T-shirt block.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from garment_sim_ros.garment.patterns.drafts.upper import (
@@ -81,16 +83,15 @@ def trunk_sizes(tape: Tape, hem: float | None = None) -> dict[str, Trunk]:
     shoulder = max(0.5 * tape.shoulder + 0.025 * u, neck + 0.06 * u)
     chest = max(chest, shoulder + 0.02 * u)
     top = max(tape.neck_base.height, tape.shoulder_height + 0.01 * u)
-    shape = {
-        "hem": (hem, max(hips, chest)),
-        "chest": (underarm, chest),
-        "shoulder": (tape.shoulder_height + 0.005 * u, shoulder),
-        "neck": (top + 0.01 * u, neck),
-    }
-    return {
-        "front": Trunk(**shape, neck_depth=0.075 * u, hollow=0.012 * u),
-        "back": Trunk(**shape, neck_depth=0.02 * u, hollow=0.004 * u),
-    }
+    front = Trunk(
+        hem=(hem, max(hips, chest)),
+        chest=(underarm, chest),
+        shoulder=(tape.shoulder_height + 0.005 * u, shoulder),
+        neck=(top + 0.01 * u, neck),
+        neck_depth=0.075 * u,
+        hollow=0.012 * u,
+    )
+    return {"front": front, "back": replace(front, neck_depth=0.02 * u, hollow=0.004 * u)}
 
 
 def sleeves(tape: Tape, crown: float, length: float) -> dict[str, Panel]:
@@ -106,10 +107,20 @@ def sleeves(tape: Tape, crown: float, length: float) -> dict[str, Panel]:
     for side, arm in zip(("left", "right"), tape.arms, strict=True):
         width = min(arm.upper + _ARM_EASE * u, 0.94 * crown)
         k = int(np.clip(length * len(arm.girths), 0, len(arm.girths) - 1))
-        cuff = min(float(arm.girths[k:].max()) + (0.05 if length < 0.6 else 0.045) * u, width)
+        cuff = min(float(arm.girths[k:].max()) + (0.07 if length < 0.6 else 0.05) * u, width)
         name = f"{side}_sleeve"
         made[name] = sleeve_panel(name, arm, crown, width, length * arm.length, cuff)
     return made
+
+
+def shoulder_and_side_seams() -> tuple[Stitch, ...]:
+    """Those of a front and a back."""
+    return (
+        _sewn("front", SHOULDER_LEFT, "back", SHOULDER_RIGHT),
+        _sewn("front", SHOULDER_RIGHT, "back", SHOULDER_LEFT),
+        _sewn("front", SIDE_LEFT, "back", SIDE_RIGHT),
+        _sewn("front", SIDE_RIGHT, "back", SIDE_LEFT),
+    )
 
 
 def shirt_stitches() -> tuple[Stitch, ...]:
@@ -118,10 +129,7 @@ def shirt_stitches() -> tuple[Stitch, ...]:
     A front's x runs to the wearer's left, a back's to the right; a left sleeve's to the back.
     """
     return (
-        _sewn("front", SHOULDER_LEFT, "back", SHOULDER_RIGHT),
-        _sewn("front", SHOULDER_RIGHT, "back", SHOULDER_LEFT),
-        _sewn("front", SIDE_LEFT, "back", SIDE_RIGHT),
-        _sewn("front", SIDE_RIGHT, "back", SIDE_LEFT),
+        *shoulder_and_side_seams(),
         _sewn("front", ARM_LEFT, "left_sleeve", CROWN_MINUS),
         _sewn("back", ARM_RIGHT, "left_sleeve", CROWN_PLUS),
         _sewn("front", ARM_RIGHT, "right_sleeve", CROWN_PLUS),

@@ -27,6 +27,8 @@ _GAP = 0.06
 """Distance from the body at which panels are drawn, before they are moved clear [m]."""
 _ROUND = 0.025
 """Distance of a rolled sleeve from its arm [m]."""
+STAND_OFF = 0.02
+"""Room that cloth of a few millimetres needs around a body, in the length of a girth [m]."""
 _OPEN = 0.06
 """Part of the way round an arm that a sleeve leaves open until it is sewn."""
 
@@ -43,6 +45,8 @@ class Trunk:
         neck_depth: Depth of the neckline in the middle.
         hollow: How far the armhole cuts in behind the shoulder's end.
         waist: Height of the waist, and half the width there; None: the side is straight.
+        hem_rise: How much higher the hem is at the sides than in the middle: slanting sides are
+            longer.
     """
 
     hem: tuple[float, float]
@@ -52,6 +56,7 @@ class Trunk:
     neck_depth: float
     hollow: float
     waist: tuple[float, float] | None = None
+    hem_rise: float = 0.0
 
 
 def unit(tape: Tape) -> float:
@@ -89,9 +94,13 @@ def widest(tape: Tape, low: float, high: float) -> float:
 def trunk_panel(name: str, size: Trunk, T_world_panel: FloatArray) -> Panel:
     """A front or back, whole, symmetric about its x = 0."""
     h, c, s, n = size.hem, size.chest, size.shoulder, size.neck
+    side_hem = h[0] + size.hem_rise
+    below: tuple[tuple[float, float], ...] = ()
+    if size.hem_rise > 0.0:
+        below = ((0.0, h[0] - size.hem_rise),)
     corners = np.array(
         [
-            *([-h[1], h[0]], [h[1], h[0]], [c[1], c[0]], [s[1], s[0]]),
+            *([-h[1], side_hem], [h[1], side_hem], [c[1], c[0]], [s[1], s[0]]),
             *([n[1], n[0]], [-n[1], n[0]], [-s[1], s[0]], [-c[1], c[0]]),
         ]
     )
@@ -108,7 +117,7 @@ def trunk_panel(name: str, size: Trunk, T_world_panel: FloatArray) -> Panel:
         side_right, side_left = [through], [(-through[0], through[1])]
     edges = loop(
         corners,
-        e0={"label": "hem"},
+        e0={"controls": below, "label": "hem"},
         e1={"controls": tuple(side_right), "label": "side"},
         e2={"controls": tuple(right), "label": "armhole"},
         e3={"label": "shoulder"},
