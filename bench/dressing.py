@@ -28,6 +28,7 @@ BODIES = (
 
 
 def main() -> None:
+    """Makes the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--body", nargs="+", default=BODIES)
     parser.add_argument("--garment", nargs="+", default=tuple(DRAFTS))
