@@ -40,6 +40,8 @@ from garment_sim_ros.params import ColliderOptions, Material
 from garment_sim_ros.sim.placement import find_frames
 from garment_sim_ros.sim.simulation import Simulation
 
+_OF_LEGS = ("inseam", "crotch")
+"""Labels of edges that garments with legs have."""
 EDGE_LENGTH = 0.022
 """Edge length of patterns from files [m]."""
 
@@ -100,6 +102,8 @@ class Model:
         body: The body.
         colliders: What garments lie on; None: sampled distances to its skin.
 
+    A body without bones is one shape then, whose core runs between its legs: see `for_legs`.
+
     Attributes:
         skin: Its skin [m], shape [v, 3].
         poses: Where the colliders are.
@@ -124,6 +128,12 @@ class Model:
         self.skin: FloatArray = measures.vertices
         self.poses: ColliderPoses = ColliderPoser(colliders, body).poses(T)
         self.distance = MeshDistance(self.skin, body.skin.triangles)
+
+    def for_legs(self) -> "Model":
+        """The same to sew what has legs on: a body without bones in convex parts."""
+        if self.measures is not None:
+            return self
+        return Model(self.body, cached_fit(self.body, ColliderOptions(), None))
 
     def tape(self) -> Tape:
         """Its measurements.
@@ -241,6 +251,8 @@ def make(
         edge_length = edge_length_for(pattern, vertices) if vertices else EDGE_LENGTH
     pieces = cut(pattern, edge_length)
     tell("cutting", 1.0)
+    if any(e.label in _OF_LEGS for p in pattern.panels.values() for e in p.edges):
+        model = model.for_legs()
     pieces = placed_clear(pieces, model.distance, model.body.name)
     sewn = sew(pieces, model, PRESETS[fabric].material, tell=tell)
     if not np.isfinite(sewn.vertices).all():

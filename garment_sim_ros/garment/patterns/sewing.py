@@ -7,7 +7,7 @@ micro-gravity, then left to drape. Three phases, each a `Simulation` on the body
 2. vertices that met are made one, so that a seam has no vertex of one side only; the garment comes
    free of itself where panels passed through each other, and to rest in micro-gravity;
 3. gravity acts, until the garment is at rest: by kinetic damping first, then with none but the
-   fabric's own, as it is worn.
+   fabric's own and without self-collision, as it is worn.
 """
 
 from collections.abc import Callable
@@ -125,6 +125,10 @@ def sew(
     simulation = Simulation(whole, wearer.colliders)
     simulation.reset(wearer.poses)
     tell("draping", 0.7)
+    # As it is worn by default: where cloth is pinched, self-collision makes it quiver.
+    as_worn = replace(whole, vertices=_positions(simulation), self_collision=None)
+    simulation = Simulation(as_worn, wearer.colliders)
+    simulation.reset(wearer.poses, settle=False)
     rms, fastest = _come_to_rest(simulation, wearer.poses, tell)
     return Sewn(
         vertices=_positions(simulation),
