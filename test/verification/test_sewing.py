@@ -111,7 +111,8 @@ def test_a_tube_too_narrow_for_the_body_is_not_called_done(model):
     pieces = placed_clear(cut(pattern, 0.04), model.distance, "mannequin")
     sewn = sew(pieces, model, Material())
     found = gates(sewn, model.skin, model.body.skin.triangles, model.colliders, model.poses)
-    assert "stretch_p95" in found.failed
+    # Stretched where it holds, falling where it does not.
+    assert {"stretch_p95", "speed_mm_s"} & set(found.failed)
 
 
 def test_a_pattern_far_from_the_body_is_refused(model):
