@@ -99,11 +99,12 @@ class Avatar:
 
         Args:
             wear: An outfit: a .yaml file, the name of a built-in one, or what such a file says.
-                Or one garment: a mesh file, the name of a built-in one, or one in its place on
-                the body. Empty: a T-shirt over a short skirt.
+                Or one garment: a mesh file, the name of a built-in one, one in its place on the
+                body, or a sewing pattern (.json), which is cut, sewn and draped.
+                Empty: a T-shirt over a short skirt.
             options: Of one garment, as an outfit file has them: `name`, `material`, `layer`,
                 `attachments`, `self_collision` ... and those of a built-in garment (`length`) or
-                of a mesh file (`unit`, `up`, `edge_length`).
+                of a mesh file (`unit`, `up`, `edge_length`) or of a pattern (`edge_length`).
 
         Raises:
             InputFileError: A file cannot be used.
@@ -114,6 +115,8 @@ class Avatar:
             wear = Outfit(name=wear.name, garments=(wear,), text="", colliders=ColliderOptions())
         if isinstance(wear, Garment | GarmentMesh):
             return self._dress_in_mesh(wear, options)
+        if isinstance(wear, str | Path) and Path(wear).suffix.lower() == ".json":
+            return self._dress_in_pattern(wear, options)
         if isinstance(wear, str | Path):
             generator = str(wear) in GENERATORS
             if generator or Path(wear).suffix.lower() in _MESHES:
@@ -131,6 +134,21 @@ class Avatar:
         from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT
 
         return load_outfit(wear or DEFAULT_OUTFIT, self.body, colliders=self.colliders)
+
+    def _dress_in_pattern(self, source: str | Path, options: Mapping[str, Any]) -> Outfit:
+        """One garment sewn from a pattern file; `edge_length` is an option of it."""
+        from garment_sim_ros.garment.patterns.making import Model, make
+
+        asked = dict(options)
+        fabric = asked.get("material", "cotton_jersey")
+        made = make(
+            source,
+            Model(self.body),
+            edge_length=asked.pop("edge_length", None),
+            fabric=fabric if isinstance(fabric, str) else None,
+        )
+        name = _OF_NAMES.sub("_", made.name.lower()).strip("_")
+        return self._dress_in_mesh(made.mesh, {"name": name, "material": made.fabric} | asked)
 
     def _dress_in_mesh(self, wear: Garment | GarmentMesh, options: Mapping[str, Any]) -> Outfit:
         """One garment whose surface is where it belongs on the body."""

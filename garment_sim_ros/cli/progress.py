@@ -1,7 +1,7 @@
 """Progress on stderr, for what takes longer than two seconds."""
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TypeVar
 
 from tqdm import tqdm
@@ -62,3 +62,37 @@ class Waiting:
         """Still waiting; `words` is the latest news."""
         self._bar.set_postfix_str(words[:70], refresh=False)
         self._bar.update()
+
+
+class Phases:
+    """Shows which of some phases is going on, and how far it is.
+
+    Args:
+        text: What is being done.
+        phases: Their names, in order.
+    """
+
+    def __init__(self, text: str, phases: Sequence[str]) -> None:
+        self._text = text
+        self._phases = tuple(phases)
+        self._bar = tqdm(
+            desc=text,
+            total=100 * len(self._phases),
+            delay=_DELAY,
+            leave=False,
+            file=sys.stderr,
+            mininterval=_interval(),
+            bar_format="{desc} {percentage:3.0f}% {bar} {elapsed}",
+        )
+
+    def __enter__(self) -> "Phases":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._bar.close()
+
+    def show(self, phase: str, share: float) -> None:
+        """A phase is done to a share, 0 to 1."""
+        done = 100 * self._phases.index(phase) + round(100 * min(max(share, 0.0), 1.0))
+        self._bar.set_description_str(f"{self._text}: {phase}", refresh=False)
+        self._bar.update(max(0, done - self._bar.n))

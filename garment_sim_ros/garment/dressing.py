@@ -149,6 +149,7 @@ def dressed(
         soft=None if rigid.all() else soft,
         tethers=holds.tethers,
         T_world_bone_rest=_bones_at_rest(measures),
+        flat=mesh.flat,
     )
     return garment, notes
 
@@ -270,12 +271,13 @@ def _put_outside(
             f"garment {name!r} is {away:.3g} m away from {measures.body.name}; allowed: one in "
             "its place on the body (is its unit or its up axis another one?)"
         )
-    triangles = mesh.triangles
+    triangles, flat = mesh.triangles, mesh.flat
     normal = np.empty_like(mesh.vertices)
     vertex_normals(mesh.vertices, triangles, normal)
     outward = (mesh.vertices - closest) * np.sign(gap)[:, None]
     if np.einsum("vi,vi->", normal, outward) < 0.0:
         triangles = np.ascontiguousarray(triangles[:, ::-1])
+        flat = None if flat is None else np.ascontiguousarray(flat[:, ::-1])
         notes += ("all triangles were turned: the inside was out",)
     vertices = mesh.vertices.copy()
     under = (gap < 0.0) & (gap > -_DEEPEST * unit)
@@ -290,7 +292,7 @@ def _put_outside(
     deep = gap <= -_DEEPEST * unit
     if deep.any():
         notes += (f"{deep.sum()} vertices are over {1e3 * _DEEPEST * unit:.0f} mm under the skin",)
-    return GarmentMesh(vertices=vertices, triangles=triangles), notes
+    return GarmentMesh(vertices=vertices, triangles=triangles, flat=flat), notes
 
 
 def _over_colliders(

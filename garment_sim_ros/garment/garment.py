@@ -53,6 +53,10 @@ class Garment:
             pass through itself.
         T_world_bone_rest: Transforms of all bones that are known in the pose of `vertices`, by
             name, shape [4, 4]; those of `frames` need not be among them.
+        flat: Where each triangle's corners lie in the panel that it was cut from, weft and warp
+            [m], shape [t, 3, 2]: edges have their rest lengths there. None: in `vertices`.
+        stitches: Vertices with the same number are drawn together as the garment is sewn, -1 for
+            none, shape [v]; None: nothing is to be sewn.
     """
 
     name: str
@@ -72,6 +76,8 @@ class Garment:
     tethers: float | None = None
     self_collision: float | None = None
     T_world_bone_rest: Mapping[str, FloatArray] = field(default_factory=dict)
+    flat: FloatArray | None = None
+    stitches: IntArray | None = None
 
     def __post_init__(self) -> None:
         v = len(self.vertices)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.body.skin import Body
@@ -18,11 +17,6 @@ from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
 from garment_sim_ros.garment.skirt import skirt
 from garment_sim_ros.params import parameter, validated
-
-# Arms that hang closer than this to the vertical are raised to make a shirt, which is then
-# placed on the rest pose like on any other.
-_LEAST_ARM_ANGLE = np.radians(30.0)
-_ARM_ANGLE = np.radians(45.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +83,7 @@ def _long_skirt(measures: Measures, o: LongSkirtOptions) -> tuple[GarmentMesh, M
 
 
 def _tshirt(measures: Measures, o: TShirtOptions) -> tuple[GarmentMesh, Measures]:
-    measures = measures.with_arms_away(_LEAST_ARM_ANGLE, _ARM_ANGLE)
+    measures = measures.with_arms_away()
     body, skin = measures.body, measures.body.skin
     arrays = (measures.vertices, measures.T_world_joint, skin.triangles, skin.bone, skin.weight)
     key = (

@@ -19,6 +19,10 @@ from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 
 _SLICES = 128
 _ARM_SLICES = 24
+# Arms that hang closer than this to the vertical are raised to make what has sleeves, which is
+# then placed on the rest pose like on any other.
+_LEAST_ARM_ANGLE = np.radians(30.0)
+_ARM_ANGLE = np.radians(45.0)
 _NECK_RADIUS = 0.035  # per body height, where the skin has no neck
 
 
@@ -81,7 +85,9 @@ class Measures:
         self.T_world_joint = rest_transforms(body.rig) if T_world_joint is None else T_world_joint
         self.vertices = skin_vertices(body.skin, self.T_world_joint)
 
-    def with_arms_away(self, least: float, angle: float) -> "Measures":
+    def with_arms_away(
+        self, least: float = _LEAST_ARM_ANGLE, angle: float = _ARM_ANGLE
+    ) -> "Measures":
         """The body with arms that hang closer than `least` to the vertical raised to `angle`.
 
         Args:
@@ -107,6 +113,13 @@ class Measures:
         if np.array_equal(T, self.T_world_joint):
             return self
         return Measures(self.body, T)
+
+    @property
+    def has_arms(self) -> bool:
+        """Whether the rig has upper and lower arms that are known."""
+        return {
+            f"{side}{part}Arm" for side in ("left", "right") for part in ("Upper", "Lower")
+        } <= set(self.body.humanoid)
 
     def joint(self, *bones: str) -> FloatArray:
         """Position of the first of these humanoid bones that the body has [m], shape [3].

@@ -1,16 +1,17 @@
 """Loading a garment mesh: read, repaired, turned to z up, refined."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from garment_sim_ros.arrays import FloatArray, IntArray
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import GeometryError, InputFileError, ParameterError
+from garment_sim_ros.garment.mesh_data import GarmentMesh as GarmentMesh
 from garment_sim_ros.garment.mesh_repair import repaired, triangulate
 from garment_sim_ros.garment.polygon_files import read_polygons
+from garment_sim_ros.garment.sewn_file import read_sewn
 from garment_sim_ros.garment.subdivide import subdivided
 from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP
 
@@ -19,21 +20,6 @@ UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 
 UP_AXES = ("y", "z")
 """Up axes that a garment file may have; y up faces +z, z up faces +x."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class GarmentMesh:
-    """A clean garment surface in its body's frame, z up, x forward.
-
-    Attributes:
-        vertices: Positions [m], shape [v, 3]; the file's vertices in its order, then new ones.
-        triangles: Vertex indices, wound consistently, shape [t, 3].
-        notes: What was repaired or assumed, one sentence each.
-    """
-
-    vertices: FloatArray
-    triangles: IntArray
-    notes: tuple[str, ...] = ()
 
 
 def load_garment_mesh(
@@ -47,6 +33,8 @@ def load_garment_mesh(
         up: The file's up axis, one of `UP_AXES`.
         edge_length: Edge length wanted [m], see `subdivided`; None keeps the file's mesh.
 
+    What `sewn_file` wrote is taken as it is: it has its unit, its axes and its edges.
+
     Raises:
         InputFileError: The file cannot be read, or its surface cannot be repaired.
         ParameterError: Another unit or axis.
@@ -54,6 +42,9 @@ def load_garment_mesh(
     for name, value, known in (("unit", unit, tuple(UNITS)), ("up", up, UP_AXES)):
         if value not in known:
             raise ParameterError(name, f"found {value!r}", f"allowed: {', '.join(known)}")
+    sewn = read_sewn(path)
+    if sewn is not None:
+        return sewn
     polygons = read_polygons(path)
     x = polygons.vertices * UNITS[unit]
     if up == "y":

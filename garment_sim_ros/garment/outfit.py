@@ -149,14 +149,25 @@ def _make(
         assert entry.mesh is not None
         o = entry.options
         mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up)
+        if mesh.flat is not None and o.remesh == "always":
+            raise InputFileError(
+                source,
+                f"garment {entry.name!r}: remesh: {entry.mesh.name} was cut from flat panels",
+                "allowed: auto or never; `garment-sim dress` cuts it anew",
+            )
         if o.remesh == "always" or (
-            o.remesh == "auto" and is_uneven(mesh) and not _names_vertices(entry)
+            o.remesh == "auto"
+            and mesh.flat is None
+            and is_uneven(mesh)
+            and not _names_vertices(entry)
         ):
             mesh = evened(mesh, o.edge_length)
         else:
             mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up, edge_length=o.edge_length)
         if o.made_on:
             mesh = carried_over(mesh, _made_on(source, o.made_on), measures.body)
+    if mesh.flat is not None and measures.has_arms:
+        measures = measures.with_arms_away()  # as it was sewn
     try:
         garment, notes = dressed(
             *(entry.name, mesh, measures, entry.material, entry.attachments, colliders),

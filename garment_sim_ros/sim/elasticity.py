@@ -10,6 +10,7 @@ from garment_sim_ros.constants import GRAVITY
 from garment_sim_ros.geometry.topology import hinge_vertices
 from garment_sim_ros.geometry.triangles import area_vectors
 from garment_sim_ros.params import Material
+from garment_sim_ros.sim.rest_shape import hinge_corners
 
 _FLAT = 0.9
 """Triangles whose normal is closer to the vertical than this (as a cosine) lie flat."""
@@ -23,6 +24,11 @@ _ROUNDING = 1e-6
 """Stiffness below zero, as a part of the largest asked, that is none."""
 _SLIM = 0.1
 """Product of the sines of an edge's two angles that narrower triangles count as."""
+SEAM = 4.0
+"""How many times as stiff against bending cloth is at a seam: two layers and two allowances, which
+are not glued."""
+_SEWN = 1e-6
+"""Distance between the two places of one edge, in edge lengths, from which on it is a seam."""
 _NEAR_ZERO = 1e-9
 """Area of a triangle without shape, as a share of its longest edge's square."""
 
@@ -62,12 +68,16 @@ def no_stiffer(material: Material, most: float) -> Material:
     )
 
 
-def warp_directions(rest: FloatArray, triangles: IntArray) -> FloatArray:
-    """Unit warp direction of every triangle, shape [t, 3].
+def warp_directions(
+    rest: FloatArray, triangles: IntArray, corners: FloatArray | None = None
+) -> FloatArray:
+    """Unit warp direction of every triangle, shape [t, 3]; arguments as for `edge_stiffness`.
 
     Garments hang along the warp (knits: along the wales): it is the vertical of the rest shape,
     projected into the triangle. In a triangle that lies flat it is the x axis.
     """
+    if corners is not None:
+        rest, triangles = _unwelded(corners)
     normal = area_vectors(rest, triangles)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     axis = np.where(np.abs(normal[:, 2:]) > _FLAT, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
@@ -75,10 +85,18 @@ def warp_directions(rest: FloatArray, triangles: IntArray) -> FloatArray:
     return warp / np.maximum(np.linalg.norm(warp, axis=1, keepdims=True), 1e-300)
 
 
-def _triangle_edges(rest: FloatArray, triangles: IntArray) -> tuple[LongArray, FloatArray]:
+def _unwelded(corners: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Triangles that share no vertices, from their corners [t, 3, 3]."""
+    count = 3 * len(corners)
+    return corners.reshape(count, 3), np.arange(count, dtype=np.int32).reshape(-1, 3)
+
+
+def _triangle_edges(corners: FloatArray, triangles: IntArray) -> tuple[LongArray, FloatArray]:
     """Ends of each triangle's edges, ascending, shape [t, 3, 2], and edge vectors [t, 3, 3]."""
-    pairs = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].astype(np.int64), axis=2)
-    return pairs, rest[pairs[..., 0]] - rest[pairs[..., 1]]
+    ends = triangles[:, [[0, 1], [1, 2], [2, 0]]].astype(np.int64)
+    apart = corners[:, [0, 1, 2]] - corners[:, [1, 2, 0]]
+    turned = ends[..., 0] > ends[..., 1]
+    return np.sort(ends, axis=2), np.where(turned[..., None], -apart, apart)
 
 
 def _areas(apart: FloatArray) -> FloatArray:
@@ -139,7 +157,11 @@ def _sum_per_edge(pairs: LongArray, values: FloatArray, wanted: IntArray) -> Flo
 
 
 def edge_stiffness(
-    rest: FloatArray, triangles: IntArray, edges: IntArray, material: Material
+    rest: FloatArray,
+    triangles: IntArray,
+    edges: IntArray,
+    material: Material,
+    corners: FloatArray | None = None,
 ) -> FloatArray:
     """Stiffness of each edge as a spring [N/m], shape [m].
 
@@ -176,11 +198,13 @@ def edge_stiffness(
         triangles: Particles of the triangles, shape [t, 3].
         edges: Particles of the edges, each of some triangle, shape [m, 2].
         material: The fabric.
+        corners: Rest positions of the triangles' corners, as `ClothModel.corners`, shape
+            [t, 3, 3]; None: those of `rest`.
     """
-    pairs, apart = _triangle_edges(rest, triangles)
+    pairs, apart = _triangle_edges(rest[triangles] if corners is None else corners, triangles)
     squared = np.maximum((apart**2).sum(axis=2), 1e-300)
     direction = apart / np.sqrt(squared)[..., None]
-    warp = warp_directions(rest, triangles)
+    warp = warp_directions(rest, triangles, corners)
     normal = np.cross(apart[:, 0], apart[:, 1])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     asked = (
@@ -196,7 +220,12 @@ def edge_stiffness(
     return _sum_per_edge(pairs, _areas(apart)[:, None] * c / squared, edges)
 
 
-def hinges(rest: FloatArray, triangles: IntArray, material: Material) -> Hinges:
+def hinges(
+    rest: FloatArray,
+    triangles: IntArray,
+    material: Material,
+    corners: FloatArray | None = None,
+) -> Hinges:
     """Pairs of adjacent triangles with their resistance to bending.
 
     With angles measured at rest, x0 and x1 the ends of the shared edge and x2 and x3 the opposite
@@ -208,12 +237,16 @@ def hinges(rest: FloatArray, triangles: IntArray, material: Material) -> Hinges:
     stores B/2 per area and squared curvature in every direction, and a grid does along its axes.
 
     Poisson's ratio is that of the mesh, 1/3 for equilateral triangles. Cloth is cut from flat
-    panels: the rest state is flat, whatever shape the garment is given in.
+    panels: the rest state is flat, whatever shape the garment is given in. Where two panels are
+    sewn together there are three layers and more: the hinge is `SEAM` times as stiff.
+
+    Arguments as for `edge_stiffness`.
     """
     particles = hinge_vertices(triangles)
-    x0, x1, x2, x3 = (rest[particles[:, k]] for k in range(4))
+    given = rest[triangles] if corners is None else corners
+    sides = hinge_corners(given, triangles, particles)
     areas, cot0, cot1 = [], [], []
-    for corner in (x2, x3):
+    for x0, x1, corner in sides:
         doubled = np.linalg.norm(np.cross(x1 - x0, corner - x0), axis=1)
         areas.append(0.5 * doubled)
         doubled = np.maximum(doubled, 1e-300)
@@ -222,10 +255,13 @@ def hinges(rest: FloatArray, triangles: IntArray, material: Material) -> Hinges:
     weight = np.stack(
         [cot1[0] + cot1[1], cot0[0] + cot0[1], -cot0[0] - cot1[0], -cot0[1] - cot1[1]], axis=1
     )
-    proper = np.minimum(*areas) > _NEAR_ZERO * ((x1 - x0) ** 2).sum(axis=1)
+    (a0, a1, _), (b0, b1, _) = sides
+    proper = np.minimum(*areas) > _NEAR_ZERO * ((a1 - a0) ** 2).sum(axis=1)
+    apart = np.abs(a0 - b0).max(axis=1) + np.abs(a1 - b1).max(axis=1)
+    sewn = np.where(apart > _SEWN * np.linalg.norm(a1 - a0, axis=1), SEAM, 1.0)
     both = areas[0][proper] + areas[1][proper]
     return Hinges(
         particles=particles[proper],
         weight=weight[proper],
-        stiffness=material.bending_stiffness / both,
+        stiffness=sewn[proper] * material.bending_stiffness / both,
     )

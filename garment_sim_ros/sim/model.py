@@ -10,9 +10,10 @@ from garment_sim_ros.arrays import FloatArray, IndexArray, IntArray, SingleArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.colouring import order_by_colour
 from garment_sim_ros.geometry.locality import spatial_order
-from garment_sim_ros.geometry.topology import mesh_topology
+from garment_sim_ros.geometry.topology import hinge_vertices, mesh_topology
 from garment_sim_ros.geometry.triangles import triangle_areas
 from garment_sim_ros.params import Environment, Material
+from garment_sim_ros.sim.rest_shape import edge_lengths, unfolded, upright
 
 _LIGHTEST = 0.01
 """Lowest mass of a particle as a share of the mean: slivers would leave some without any."""
@@ -60,6 +61,8 @@ class ClothModel:
         pin_collider: Collider of the set that each pinned particle follows, shape [n - free].
         pin_position: Their positions in that collider's frame [m], shape [n - free, 3].
         material: Its fabric.
+        corners: Rest positions of each triangle's corners [m], shape [t, 3, 3]. Of cloth that was
+            cut flat, where they lie in its panel, upright, warp up; else those of its particles.
     """
 
     name: str
@@ -73,6 +76,7 @@ class ClothModel:
     pin_collider: IntArray
     pin_position: FloatArray
     material: Material
+    corners: FloatArray
 
     def __len__(self) -> int:
         return len(self.vertex)
@@ -114,39 +118,74 @@ def _frozen(array: NDArray[Any], dtype: type) -> NDArray[Any]:
     return array
 
 
-def vertex_masses(vertices: FloatArray, triangles: IntArray, areal_density: float) -> FloatArray:
-    """A third of each triangle's mass for each of its vertices [kg], shape [v]."""
-    area = triangle_areas(np.asarray(vertices, dtype=np.float64), triangles)
+def vertex_masses(
+    vertices: FloatArray,
+    triangles: IntArray,
+    areal_density: float,
+    corners: FloatArray | None = None,
+) -> FloatArray:
+    """A third of each triangle's mass for each of its vertices [kg], shape [v].
+
+    Args:
+        vertices: Positions [m], shape [v, 3].
+        triangles: Vertex indices, shape [t, 3].
+        areal_density: Mass per area [kg/m^2].
+        corners: Where triangles have their areas, as `ClothModel.corners`; None: in `vertices`.
+    """
+    if corners is None:
+        corners = np.asarray(vertices, dtype=np.float64)[triangles]
+    area = triangle_areas(
+        corners.reshape(-1, 3), np.arange(len(corners) * 3, dtype=np.int32).reshape(-1, 3)
+    )
     share = np.repeat(areal_density * area / 3, 3)
     mass = np.zeros(len(vertices))
     np.add.at(mass, triangles.ravel(), share)
     return mass
 
 
-def _springs(vertices: FloatArray, triangles: IntArray, weight: FloatArray) -> Springs:
+def _springs(
+    vertices: FloatArray,
+    triangles: IntArray,
+    weight: FloatArray,
+    corners: FloatArray | None,
+) -> Springs:
     """Springs of a mesh whose vertices are already in the order of the particles.
 
     Bending springs come first in a sweep: the correction done last holds best, and stretch shows
     more than bending.
     """
     topology = mesh_topology(triangles)
-    pairs, colour_start = [], [0]
+    pairs, lengths, colour_start = [], [], [0]
     for kind in (topology.opposite, topology.edges):
-        movable = kind[weight[kind].sum(axis=1) > 0.0]
-        order, colours = order_by_colour(movable)
-        pairs.append(movable[order])
+        if corners is None:
+            rest = np.linalg.norm(vertices[kind[:, 0]] - vertices[kind[:, 1]], axis=1)
+        elif kind is topology.edges:
+            rest = edge_lengths(corners, triangles, kind)
+        else:
+            rest = _across(corners, triangles, kind)
+        movable = weight[kind].sum(axis=1) > 0.0
+        order, colours = order_by_colour(kind[movable])
+        pairs.append(kind[movable][order])
+        lengths.append(rest[movable][order])
         colour_start += (colours[1:] + colour_start[-1]).tolist()
     springs = np.concatenate(pairs)
     w = weight[springs]
     return Springs(
         particles=_frozen(springs.ravel(), np.uint32),
-        rest_length=_frozen(
-            np.linalg.norm(vertices[springs[:, 0]] - vertices[springs[:, 1]], axis=1), np.float32
-        ),
+        rest_length=_frozen(np.concatenate(lengths), np.float32),
         share=_frozen(w[:, 0] / w.sum(axis=1), np.float32),
         colour_start=_frozen(np.array(colour_start), np.int32),
         bending=len(pairs[0]),
     )
+
+
+def _across(corners: FloatArray, triangles: IntArray, opposite: IntArray) -> FloatArray:
+    """Rest lengths of springs across the edges of cloth that was cut flat [m], shape [b]."""
+    hinges = hinge_vertices(triangles)
+    length = unfolded(corners, triangles, hinges)
+    _, index = np.unique(np.sort(hinges[:, 2:], axis=1), axis=0, return_inverse=True)
+    mean: FloatArray = np.bincount(index.ravel(), length) / np.bincount(index.ravel())
+    return mean
 
 
 def build_model(
@@ -158,6 +197,7 @@ def build_model(
     pins: IntArray | None = None,
     pin_collider: IntArray | None = None,
     pin_position: FloatArray | None = None,
+    flat: FloatArray | None = None,
 ) -> ClothModel:
     """Builds the particles and springs of one garment.
 
@@ -172,6 +212,8 @@ def build_model(
         pins: Vertices with zero inverse mass, shape [p]; those named twice count once.
         pin_collider: Collider of the set that each pin follows, shape [p].
         pin_position: Position of each pin in that collider's frame [m], shape [p, 3].
+        flat: Where each triangle's corners lie in the panel that it was cut from, weft and warp
+            [m], shape [t, 3, 2]: no spring is strained there. None: in `vertices`.
 
     Raises:
         GeometryError: No triangles, an index or a coordinate that is not usable, a vertex that
@@ -192,7 +234,8 @@ def build_model(
             f"garment {name!r}: {len(loose)} vertices belong to no triangle, the first is "
             f"{loose[0]}; every vertex must"
         )
-    mass = vertex_masses(vertices, triangles, material.areal_density)
+    corners = vertices[triangles] if flat is None else upright(flat, len(triangles), name)
+    mass = vertex_masses(vertices, triangles, material.areal_density, corners)
     if not mass.mean() > 0.0:
         raise GeometryError(f"garment {name!r}: its triangles have no area")
     mass = np.maximum(mass, _LIGHTEST * mass.mean())
@@ -212,7 +255,12 @@ def build_model(
         free_count=len(free),
         mass=_frozen(mass[vertex], np.float32),
         inverse_mass=_frozen(inverse_mass, np.float32),
-        springs=_springs(vertices[vertex], particle[triangles], inverse_mass),
+        springs=_springs(
+            vertices[vertex],
+            particle[triangles],
+            inverse_mass,
+            None if flat is None else corners,
+        ),
         pin_collider=_frozen(
             np.zeros(0) if pin_collider is None else np.asarray(pin_collider)[first], np.int32
         ),
@@ -221,4 +269,5 @@ def build_model(
             np.float64,
         ),
         material=material,
+        corners=_frozen(corners, np.float64),
     )

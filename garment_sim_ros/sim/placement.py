@@ -98,6 +98,14 @@ class GarmentLike(Protocol):
         """Part of its way over the cloth that a vertex may be farther from its pins; or None."""
 
     @property
+    def flat(self) -> FloatArray | None:
+        """Corners of each triangle in its panel [m], shape [t, 3, 2]; or None."""
+
+    @property
+    def stitches(self) -> IntArray | None:
+        """Number of the stitch that draws each vertex, -1 for none, shape [v]; or None."""
+
+    @property
     def self_collision(self) -> float | None:
         """The distance that its parts keep from each other [m]; or None."""
 

@@ -108,6 +108,7 @@ class Simulation(ByName):
         self.time = 0.0
         self.outran = 0
         self._view = {n: GarmentView(w, self.origin) for n, w in self._worn.items()}
+        self._is_sewing = any(g.stitches is not None for g in garments)
         self._rewinding = Rewinding(colliders, self._worn, self.origin, self._T_world_rest)
         self._coarseness = 1
         self._at = ColliderPoses.identity(len(colliders))
@@ -151,13 +152,14 @@ class Simulation(ByName):
         if getattr(parameters.settings, "contact", "") == "earliest":
             check_earliest(self.collider_set)
 
-    def reset(self, poses: ColliderPoses) -> None:
+    def reset(self, poses: ColliderPoses, *, settle: bool = True) -> None:
         """Puts every garment on and lets it settle on a pose, without a kick afterwards.
 
         It is put on in its rest pose; the body then moves to the pose, see `putting_on`.
 
         Args:
             poses: World poses of the colliders.
+            settle: Whether to let it settle; else it begins to move with the first step.
 
         Raises:
             MessageError: Poses that are not usable; nothing changes.
@@ -175,10 +177,9 @@ class Simulation(ByName):
         else:
             self._put_on(poses)
         self._at.assign(poses)
-        colliders = self._colliders
         for worn in self._worn.values():
-            worn.health.settling_steps = self._settle(worn)
-            worn.watch(colliders, self.solver_step)
+            worn.health.settling_steps = self._settle(worn) if settle else 0
+            worn.watch(self._colliders, self.solver_step)
         self._rewinding.begin(poses)
 
     def _restart(self) -> None:
@@ -285,7 +286,7 @@ class Simulation(ByName):
 
     def _look_after(self, poses: ColliderPoses) -> None:
         """Winds garments back that limbs stay in; the colliders are in their last poses."""
-        for name in self._rewinding.look(self.time, poses):
+        for name in () if self._is_sewing else self._rewinding.look(self.time, poses):
             wind_back(self._rewinding, self._worn[name], poses, self._replay)
             self._rewinding.tried(name, self.time)
             for _, pair in self._under[name]:
@@ -330,9 +331,8 @@ class Simulation(ByName):
 
     def _let_wind_change(self) -> None:
         """What acts in the next step is the wind as it is now."""
-        self._acting = self._parameters.in_environment(
-            self._wind.environment(self.time, self._parameters.environment)
-        )
+        now = self._wind.environment(self.time, self._parameters.environment)
+        self._acting = self._parameters.in_environment(now)
         if self._coarseness > 1 and hasattr(self._acting.settings, "sub_step"):
             settings = self._acting.settings
             longer = replace(settings, sub_step=settings.sub_step * self._coarseness)

@@ -16,6 +16,7 @@ from garment_sim_ros.sim.holds.constraint import Constraint
 from garment_sim_ros.sim.holds.letting_go import LettingGo
 from garment_sim_ros.sim.holds.skin_limits import SKIN_LIMITS
 from garment_sim_ros.sim.holds.skin_places import SkinPlaces
+from garment_sim_ros.sim.holds.stitching import Stitching
 from garment_sim_ros.sim.model import ClothModel, build_model
 from garment_sim_ros.sim.motion import measure_motion, move_pins, shift
 from garment_sim_ros.sim.piece import Piece
@@ -84,6 +85,7 @@ class Worn(Piece):
             pins=garment.pins,
             pin_collider=frames.collider[np.asarray(garment.pin_frame, dtype=np.int32)],
             pin_position=places_in_frames(garment, frames, garment.pins, garment.pin_frame),
+            flat=garment.flat,
         )
         state = State.at(model, garment.vertices, colliders.origin)
         workspace = by.workspace(model, len(colliders.shapes.kind))
@@ -245,4 +247,6 @@ def _constraints(
         ]
     if garment.self_collision is not None:
         constraints.append(SelfCollision(model, garment.self_collision, workspace.contacts))
+    if garment.stitches is not None:
+        constraints.append(Stitching(model, garment.stitches))
     return tuple(constraints)

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.sim.elasticity import edge_stiffness
 from garment_sim_ros.sim.model import ClothModel
+from garment_sim_ros.sim.rest_shape import edge_lengths
 from garment_sim_ros.sim.simulation import Simulation
 
 
@@ -52,9 +53,9 @@ def _stretch(model: ClothModel) -> tuple[NDArray[np.int32], FloatArray, FloatArr
     """Edges, their rest lengths [m] and stiffnesses [N/m]."""
     springs = model.springs
     edges = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
-    rest = np.linalg.norm(model.rest[edges[:, 0]] - model.rest[edges[:, 1]], axis=1)
+    triangles = model.particle_triangles
     return (
         edges,
-        rest,
-        edge_stiffness(model.rest, model.particle_triangles, edges, model.material),
+        edge_lengths(model.corners, triangles, edges),
+        edge_stiffness(model.rest, triangles, edges, model.material, model.corners),
     )

@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from simple_patterns import tube
 from unit.test_collider_description import example_set
 from unit.test_garment_mesh import ply
+from unit.test_garmentcode import specification
 from unit.test_obj_bodies import person, write_makehuman
 from unit.test_recording import STORE, avatar
 from unit.test_urdf import GRIPPER
@@ -24,6 +26,9 @@ from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.colliders.description import load_colliders, save_colliders
 from garment_sim_ros.garment.mesh import load_garment_mesh
 from garment_sim_ros.garment.outfit_file import builtin_outfits, read_outfit
+from garment_sim_ros.garment.patterns.garmentcode import read_garmentcode
+from garment_sim_ros.garment.patterns.pieces import cut
+from garment_sim_ros.garment.sewn_file import write_sewn
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.recording.bags import read_recording
 from hostile.gltf_files import document
@@ -170,6 +175,13 @@ def _garments(folder: Path) -> dict[str, Sample]:
         source = folder / suffix / f"body.{suffix}"
         path = _file(folder / "cloth", f"cloth.{suffix}", source.read_bytes())
         made[f"garment {suffix}"] = Sample(path, partial(load_garment_mesh, path))
+    pieces = cut(tube(other=0.5), 0.2)
+    sewn = folder / "cloth" / "sewn.glb"
+    write_sewn(
+        *(sewn, pieces.joined(pieces.placed()), pieces.sewn_triangles, pieces.corners),
+        *(pieces.panel[pieces.triangles[:, 0]], ("front", "back")),
+    )
+    made["sewn garment"] = Sample(sewn, partial(load_garment_mesh, sewn))
     return made
 
 
@@ -184,6 +196,8 @@ def _texts(folder: Path) -> dict[str, Sample]:
     for name, text in builtin_outfits().items():
         path = _file(folder, f"{name}.yaml", text)
         made[f"outfit {name}"] = Sample(path, partial(read_outfit, path))
+    pattern = _file(folder, "pattern.json", json.dumps(specification()))
+    made["pattern"] = Sample(pattern, partial(read_garmentcode, pattern))
     colliders = folder / "colliders.json"
     save_colliders(colliders, example_set())
     made["colliders"] = Sample(colliders, partial(load_colliders, colliders))
@@ -243,6 +257,7 @@ def _real(folder: Path) -> dict[str, Sample]:
         "mocap/deepmimic_walk.bvh": load_clip,
         "urdf/human_1m65.urdf": load_body,
         "garments/skirt_short_female.obj": load_garment_mesh,
+        "patterns/shirt_mean_specification.json": read_garmentcode,
     }
     made = {}
     for name, read in readers.items():

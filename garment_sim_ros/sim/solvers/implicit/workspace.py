@@ -15,6 +15,7 @@ from garment_sim_ros.sim.elasticity import (
     stiffness_by_weight,
 )
 from garment_sim_ros.sim.model import ClothModel
+from garment_sim_ros.sim.rest_shape import edge_lengths
 from garment_sim_ros.sim.solvers.implicit.dissection import dissect
 from garment_sim_ros.sim.solvers.implicit.given import Cloth, Hold, Past, Ties
 from garment_sim_ros.sim.state import Workspace
@@ -121,8 +122,10 @@ class ImplicitWorkspace(Workspace):
         most = stiffness_by_weight(model.material, extent, _HARDLY)
         edges = model.springs.particles.reshape(-1, 2)[model.springs.bending :].astype(np.int32)
         edges = edges[np.argsort(edges.min(axis=1), kind="stable")]
-        stiffness = edge_stiffness(rest, triangles, edges, no_stiffer(model.material, most))
-        bending = hinges(rest, triangles, model.material)
+        stiffness = edge_stiffness(
+            rest, triangles, edges, no_stiffer(model.material, most), model.corners
+        )
+        bending = hinges(rest, triangles, model.material, model.corners)
         used = (bending.particles < n).any(axis=1) & (bending.stiffness > 0.0)
         bending = Hinges(bending.particles[used], bending.weight[used], bending.stiffness[used])
         steepest = (bending.weight**2).max(axis=1, initial=0.0)
@@ -145,9 +148,9 @@ class ImplicitWorkspace(Workspace):
             cloth=Cloth(
                 edge_particles=np.ascontiguousarray(edges.ravel(), np.uint32),
                 edge_place=column[edges].ravel(),
-                rest_squared=((rest[edges[:, 0]] - rest[edges[:, 1]]) ** 2)
-                .sum(axis=1)
-                .astype(np.float32),
+                rest_squared=(edge_lengths(model.corners, triangles, edges) ** 2).astype(
+                    np.float32
+                ),
                 edge_stiffness=stiffness.astype(np.float32),
                 hinge_particles=np.ascontiguousarray(bending.particles),
                 hinge_place=column[bending.particles],

@@ -9,6 +9,7 @@ import numpy as np
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
 from garment_sim_ros.sim.model import ClothModel
+from garment_sim_ros.sim.rest_shape import edge_lengths
 from garment_sim_ros.sim.solvers.xpbd.coarse import (
     CoarseLevel,
     Threads,
@@ -92,18 +93,18 @@ class XpbdWorkspace(Workspace):
         edges = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
         edges = edges[inward_order(edges, triangles, model.free_count)]
         rest, weight = model.rest, model.inverse_mass
-        bending = hinges(rest, triangles, model.material)
+        bending = hinges(rest, triangles, model.material, model.corners)
         used = np.flatnonzero(
             (weight[bending.particles].sum(axis=1) > 0.0) & (bending.stiffness > 0.0)
         )
         m, h = len(edges), len(used)
         lightness = (weight[bending.particles[used]] * bending.weight[used] ** 2).sum(axis=1)
-        rest_squared = ((rest[edges[:, 0]] - rest[edges[:, 1]]) ** 2).sum(axis=1)
+        rest_squared = edge_lengths(model.corners, triangles, edges) ** 2
         return cls(
             **vars(Workspace.room_for(model, shapes)),
             rest_squared=rest_squared,
             extent=float(np.ptp(rest, axis=0).max()),
-            stiffness=edge_stiffness(rest, triangles, edges, model.material),
+            stiffness=edge_stiffness(rest, triangles, edges, model.material, model.corners),
             hinge_weight=np.ascontiguousarray(bending.weight[used]),
             hinge_stiffness=np.ascontiguousarray(bending.stiffness[used]),
             hinge_rate=np.sqrt(bending.stiffness[used] * lightness),

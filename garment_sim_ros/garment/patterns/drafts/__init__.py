@@ -1,0 +1,1 @@
+"""Own patterns, drafted from a body's measurements."""

@@ -1,0 +1,116 @@
+"""Trousers: two fronts and two backs.
+
+The construction is that of Aldrich's trouser block in "Metric Pattern Cutting": a quarter of the
+hips and ease for each panel, drawn out at the crotch line by a sixteenth of the hips in front and
+twice that behind, and a leg that narrows to the hem about its crease. The formulas are our own.
+"""
+
+import numpy as np
+
+from garment_sim_ros.garment.patterns.drafts.upper import (
+    STAND_OFF,
+    facing,
+    front_and_back,
+    unit,
+    widest,
+)
+from garment_sim_ros.garment.patterns.pattern import Panel, Pattern, Placement, Seam, Stitch, loop
+from garment_sim_ros.garment.patterns.tape import Tape
+
+HEM, SIDE, WAIST, CROTCH, INSEAM = range(5)
+"""Edges of a panel whose side seam is at its +x; mirrored panels have them in reverse order."""
+_MIRRORED = {HEM: 0, INSEAM: 1, CROTCH: 2, WAIST: 3, SIDE: 4}
+_Points = tuple[tuple[float, float], ...]
+_HIP_EASE = 0.09
+_WAIST_EASE = 0.015
+_DRAWN_OUT = {"front": 1.0 / 15.0, "back": 1.0 / 7.0}
+"""How far the crotch point is drawn out, as a share of half the hips."""
+_SLANT = {"front": 0.012, "back": 0.03}
+"""How far the middle leans in at the waist [m] on a person of 1.65 m."""
+_RISE = {"front": 0.0, "back": 0.04}
+"""How much higher the middle is at the waist, likewise."""
+
+
+def trousers(tape: Tape) -> Pattern:
+    """Straight trousers from the waist to the ankles."""
+    x_front, x_back = front_and_back(tape, 0.3 * tape.crotch, tape.waist.height)
+    panels = {}
+    for half, forward, away in (("front", 1.0, x_front), ("back", -1.0, x_back)):
+        for side in ("left", "right"):
+            # A front's x runs to the wearer's left, a back's to the right.
+            outward = (side == "left") == (half == "front")
+            name = f"{side}_{half}"
+            panels[name] = _panel(name, half, tape, outward, forward, away)
+    stitches = []
+    for side in ("left", "right"):
+        for edge in (SIDE, INSEAM):
+            stitches.append(
+                _sewn((f"{side}_front", edge, side), (f"{side}_back", edge, _other(side)))
+            )
+    stitches += [
+        _sewn(("left_front", CROTCH, "left"), ("right_front", CROTCH, "right")),
+        _sewn(("left_back", CROTCH, "right"), ("right_back", CROTCH, "left")),
+    ]
+    return Pattern(name="trousers", panels=panels, stitches=tuple(stitches))
+
+
+def _panel(name: str, half: str, tape: Tape, outward: bool, forward: float, away: float) -> Panel:
+    u = unit(tape)
+    top, low = tape.waist.height, tape.crotch - 0.025 * u
+    hem = 0.05 * tape.height
+    hip = (1.0 + _HIP_EASE) * widest(tape, tape.crotch - 0.01, top) / 4.0
+    waist = min(((1.0 + _WAIST_EASE) * tape.waist.girth + STAND_OFF) / 4.0, hip)
+    out = 2.0 * hip * _DRAWN_OUT[half]
+    out = max(out, (1.1 * tape.thigh + 0.05 * u) * (0.5 if half == "front" else 0.56) - hip)
+    slant = min(_SLANT[half] * u, hip - waist)
+    leg = 0.5 * max(1.25 * tape.ankle + 0.05 * u, 1.0 * tape.knee)
+    crease = max(tape.foot_out, 0.5 * (hip - out))
+    hip_height = max(tape.hip.height, tape.crotch + 0.3 * (top - tape.crotch))
+    corners = np.array(
+        [
+            [crease - 0.5 * leg, hem],
+            [crease + 0.5 * leg, hem],
+            [slant + waist, top],
+            [slant, top + _RISE[half] * u],
+            [-out, low],
+        ]
+    )
+    knee = 0.55 * tape.crotch
+    inner: _Points = ((-out + 0.45 * (out + crease - 0.5 * leg), low - 0.25 * (low - knee)),)
+    outer = crease + 0.5 * leg
+    side: _Points = ((outer + 0.02 * u, knee), (hip + 0.02 * u, hip_height + 0.02 * u))
+    bend: _Points = ((0.0, low + 0.25 * (top - low)), (0.1 * out, low))
+    curves = {SIDE: side, CROTCH: bend, INSEAM: inner}
+    labels = ("hem", "side", "waist", "crotch", "inseam")
+    if not outward:
+        corners = corners[[1, 0, 4, 3, 2]] * [-1.0, 1.0]
+        curves = {
+            _MIRRORED[e]: tuple((-x, y) for x, y in reversed(points))
+            for e, points in curves.items()
+        }
+        labels = ("hem", "inseam", "crotch", "waist", "side")
+    edges = loop(
+        corners,
+        **{f"e{k}": {"controls": curves.get(k, ()), "label": labels[k]} for k in range(5)},
+    )
+    T = facing(tape, forward, away + (0.008 * forward if outward else 0.0))
+    return Panel(
+        name=name,
+        corners=corners,
+        edges=edges,
+        placement=Placement(T_world_panel=T),
+        label="leg",
+    )
+
+
+def _other(side: str) -> str:
+    return "right" if side == "left" else "left"
+
+
+def _sewn(a: tuple[str, int, str], b: tuple[str, int, str]) -> Stitch:
+    """A stitch of panels whose side seams are at +x ("left") or at -x ("right")."""
+    one, other = (
+        (Seam(panel=name, edges=(edge if side == "left" else _MIRRORED[edge],)),)
+        for name, edge, side in (a, b)
+    )
+    return Stitch(sides=(one, other))

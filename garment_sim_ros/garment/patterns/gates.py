@@ -1,0 +1,127 @@
+"""What a sewn garment has to be before it is called done: figures beside their limits."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from garment_sim_ros.arrays import FloatArray, IntArray
+from garment_sim_ros.contact.pierced import PiercedSoFar
+from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.garment.patterns.sewing import Sewn
+from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.topology import mesh_topology
+from garment_sim_ros.sim.rest_shape import edge_lengths, upright
+
+LIMITS: Mapping[str, tuple[float, str]] = {
+    "penetration_mm_p99": (1.0, "depth in the skin, 99th percentile"),
+    "pierced": (0.0, "body parts that run through it"),
+    "self_intersections": (0.0, "edges that run through its own triangles"),
+    "seam_gap_mm": (0.5, "largest gap of a seam before it was joined"),
+    "stretch_p95": (0.03, "excess length of edges, 95th percentile"),
+    "speed_mm_s": (10.0, "RMS speed, the highest over half a second"),
+}
+"""Figures, what they may be at most, and what they are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gates:
+    """Figures of a garment, by the names in `LIMITS`.
+
+    Attributes:
+        figures: The figures.
+        pierced_by: Bones that run through it.
+    """
+
+    figures: Mapping[str, float]
+    pierced_by: tuple[str, ...] = ()
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """Names of figures beyond their limits."""
+        return tuple(n for n, v in self.figures.items() if not v <= LIMITS[n][0])
+
+    def lines(self) -> list[str]:
+        """One line of text for each figure."""
+        return [
+            f"{'ok  ' if v <= LIMITS[n][0] else 'FAIL'} {n} {v:.4g} (at most {LIMITS[n][0]:g}): "
+            f"{LIMITS[n][1]}" + (f": {', '.join(self.pierced_by)}" if n == "pierced" and v else "")
+            for n, v in self.figures.items()
+        ]
+
+
+def gates(
+    sewn: Sewn,
+    skin: FloatArray,
+    skin_triangles: IntArray,
+    colliders: ColliderSet,
+    poses: ColliderPoses,
+) -> Gates:
+    """Measures a sewn garment.
+
+    Args:
+        sewn: The garment.
+        skin: The body's skin [m], shape [v, 3].
+        skin_triangles: Shape [t, 3].
+        colliders: What it lies on.
+        poses: Where they are.
+    """
+    x, t = sewn.vertices, sewn.triangles
+    edges = mesh_topology(t).edges
+    samples = np.concatenate([x, x[edges].mean(axis=1), x[t].mean(axis=1)])
+    depth = -MeshDistance(skin, skin_triangles).signed_distance(samples)[0]
+    limbs = PiercedSoFar(colliders, ["sewn"])
+    limbs.add(poses, {"sewn": (x, t)})
+    through = limbs.now["sewn"]
+    stretch = strains(sewn, edges)
+    return Gates(
+        figures={
+            "penetration_mm_p99": max(0.0, 1e3 * float(np.percentile(depth, 99.0))),
+            "pierced": float(len(through)),
+            "self_intersections": float(len(self_intersections(x, t, edges))),
+            "seam_gap_mm": 1e3 * max(sewn.gaps, default=0.0),
+            "stretch_p95": float(np.percentile(stretch, 95.0)),
+            "speed_mm_s": 1e3 * sewn.rms_speed,
+        },
+        pierced_by=through,
+    )
+
+
+def strains(sewn: Sewn, edges: IntArray) -> FloatArray:
+    """Excess length of edges over their rest length, shape [e]."""
+    x = sewn.vertices
+    rest = edge_lengths(upright(sewn.flat, len(sewn.flat), "sewn"), sewn.triangles, edges)
+    strain: FloatArray = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) / rest - 1.0
+    return strain
+
+
+def self_intersections(x: FloatArray, triangles: IntArray, edges: IntArray) -> IntArray:
+    """Edges that run through a triangle that they have no vertex in common with, shape [k, 2]."""
+    centre = x[triangles].mean(axis=1)
+    reach = np.linalg.norm(x[triangles] - centre[:, None], axis=2).max()
+    middle = x[edges].mean(axis=1)
+    half = 0.5 * np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1)
+    found = cKDTree(centre).query_ball_point(middle, reach + half)
+    e = np.repeat(np.arange(len(edges)), [len(f) for f in found])
+    t = np.concatenate([np.asarray(f, np.int64) for f in found]) if len(e) else e
+    apart = (edges[e][:, :, None] != triangles[t][:, None, :]).all(axis=(1, 2))
+    e, t = e[apart], t[apart]
+    hit = _passes(x[edges[e, 0]], x[edges[e, 1]], *(x[triangles[t, k]] for k in range(3)))
+    return edges[np.unique(e[hit])]
+
+
+def _passes(
+    p: FloatArray, q: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray
+) -> np.ndarray:
+    """Whether segments pq run through triangles abc."""
+    u, v, d = b - a, c - a, q - p
+    normal = np.cross(u, v)
+    slope = (normal * d).sum(axis=1)
+    steep = np.abs(slope) > 1e-18
+    s = ((a - p) * normal).sum(axis=1) / np.where(steep, slope, 1.0)
+    w = p + s[:, None] * d - a
+    squared = np.maximum((normal**2).sum(axis=1), 1e-30)
+    beta = (np.cross(w, v) * normal).sum(axis=1) / squared
+    gamma = (np.cross(u, w) * normal).sum(axis=1) / squared
+    return steep & (s > 0.0) & (s < 1.0) & (beta > 0.0) & (gamma > 0.0) & (beta + gamma < 1.0)

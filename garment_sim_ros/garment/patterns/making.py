@@ -1,0 +1,308 @@
+"""From a pattern's name or file, and a body, to a garment at rest on it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from garment_sim_ros.arrays import FloatArray, IntArray
+from garment_sim_ros.body.kinematics import rest_transforms
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.collider_params import SDF
+from garment_sim_ros.colliders.fit_cache import cached_fit
+from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.errors import GeometryError, ParameterError
+from garment_sim_ros.garment.dressing import NONE, dressed
+from garment_sim_ros.garment.garment import Garment
+from garment_sim_ros.garment.materials import PRESETS
+from garment_sim_ros.garment.measures import Measures
+from garment_sim_ros.garment.mesh_data import GarmentMesh
+from garment_sim_ros.garment.outfit import make_outfit
+from garment_sim_ros.garment.outfit_file import outfit_from
+from garment_sim_ros.garment.patterns.checking import check
+from garment_sim_ros.garment.patterns.drafts.dresses import sleeveless_dress, wide_dress
+from garment_sim_ros.garment.patterns.drafts.skirts import long_skirt, short_skirt
+from garment_sim_ros.garment.patterns.drafts.trousers import trousers
+from garment_sim_ros.garment.patterns.drafts.tshirt import long_sleeved_shirt, tshirt
+from garment_sim_ros.garment.patterns.garmentcode import read_garmentcode
+from garment_sim_ros.garment.patterns.gates import Gates, gates
+from garment_sim_ros.garment.patterns.pattern import Pattern
+from garment_sim_ros.garment.patterns.pieces import Pieces, cut, edge_length_for
+from garment_sim_ros.garment.patterns.placing import placed_clear
+from garment_sim_ros.garment.patterns.sewing import Sewn, Tell, sew
+from garment_sim_ros.garment.patterns.tape import Tape, measured
+from garment_sim_ros.garment.sewn_file import write_sewn
+from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.params import ColliderOptions, Material
+from garment_sim_ros.sim.placement import find_frames
+from garment_sim_ros.sim.simulation import Simulation
+
+_OF_LEGS = ("inseam", "crotch")
+"""Labels of edges that garments with legs have."""
+EDGE_LENGTH = 0.022
+"""Edge length of patterns from files [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draft:
+    """A pattern of our own.
+
+    Attributes:
+        make: Drafts it from measurements.
+        vertices: How many the sewn garment has, about.
+        fabric: Name of its fabric.
+        text: What it is.
+    """
+
+    make: Callable[[Tape], Pattern]
+    vertices: int
+    fabric: str
+    text: str
+
+
+DRAFTS: Mapping[str, Draft] = MappingProxyType(
+    {
+        "tshirt": Draft(make=tshirt, vertices=1503, fabric="cotton_jersey", text="T-shirt"),
+        "long_sleeved_shirt": Draft(
+            make=long_sleeved_shirt,
+            vertices=2000,
+            fabric="cotton_jersey",
+            text="shirt with long sleeves",
+        ),
+        "short_skirt": Draft(
+            make=short_skirt, vertices=1687, fabric="polyester", text="short A-line skirt"
+        ),
+        "long_skirt": Draft(
+            make=long_skirt, vertices=2235, fabric="polyester", text="long A-line skirt"
+        ),
+        "trousers": Draft(
+            make=trousers, vertices=2400, fabric="cotton_twill", text="straight trousers"
+        ),
+        "sleeveless_dress": Draft(
+            make=sleeveless_dress, vertices=2200, fabric="polyester", text="sleeveless shift dress"
+        ),
+        "wide_dress": Draft(
+            make=wide_dress, vertices=2600, fabric="polyester", text="wide sleeveless dress"
+        ),
+    }
+)
+"""Patterns of our own by name; sizes of the first three are those of the first paper's figures."""
+
+
+class Model:
+    """The body that garments are sewn on, with arms away from the trunk.
+
+    Garments are sewn on sampled distances to the skin itself: hulls bridge armpits, and what is
+    sewn around them would be stretched there for good. What it is worn on later may be others.
+
+    Args:
+        body: The body.
+        colliders: What garments lie on; None: sampled distances to its skin.
+
+    A body without bones is one shape then, whose core runs between its legs: see `for_legs`.
+
+    Attributes:
+        skin: Its skin [m], shape [v, 3].
+        poses: Where the colliders are.
+        distance: Distances to the skin.
+
+    Raises:
+        GeometryError: Colliders of another body.
+    """
+
+    def __init__(self, body: Body, colliders: ColliderSet | None = None) -> None:
+        if colliders is None:
+            colliders = cached_fit(body, ColliderOptions(method=SDF), None)
+        self.body = body
+        self.colliders = colliders
+        self.measures: Measures | None = None
+        T = rest_transforms(body.rig)
+        measures = Measures(body)
+        if measures.has_arms:
+            measures = measures.with_arms_away()
+            self.measures = measures
+            T = measures.T_world_joint
+        self.skin: FloatArray = measures.vertices
+        self.poses: ColliderPoses = ColliderPoser(colliders, body).poses(T)
+        self.distance = MeshDistance(self.skin, body.skin.triangles)
+
+    def for_legs(self) -> "Model":
+        """The same to sew what has legs on: a body without bones in convex parts."""
+        if self.measures is not None:
+            return self
+        return Model(self.body, cached_fit(self.body, ColliderOptions(), None))
+
+    def tape(self) -> Tape:
+        """Its measurements.
+
+        Raises:
+            GeometryError: It does not stand upright, or has no arms.
+        """
+        return measured(self.skin, self.body.skin.triangles, self.body.name)
+
+    def garment(self, vertices: FloatArray, triangles: IntArray, material: Material) -> Garment:
+        """A surface around it, following its bones where it has some that are known."""
+        mesh = GarmentMesh(vertices=vertices, triangles=triangles)
+        if self.measures is not None:
+            made, _ = dressed("sewn", mesh, self.measures, material, NONE)
+            return replace(made, vertices=vertices, triangles=triangles, skin_limits={})
+        bone = self.colliders.colliders[0].bone
+        return Garment(
+            name="sewn",
+            vertices=vertices,
+            triangles=triangles,
+            material=material,
+            frames=(bone,),
+            T_world_frame_rest=find_frames("sewn", (bone,), self.colliders).world(self.poses),
+            frame_index=np.zeros((len(vertices), 1), np.int32),
+            frame_weight=np.ones((len(vertices), 1)),
+            pins=np.zeros(0, np.int32),
+            pin_frame=np.zeros(0, np.int32),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Made:
+    """A garment that was made from a pattern.
+
+    Attributes:
+        name: Of the pattern.
+        pieces: The cut pattern where it was placed.
+        sewn: The garment at rest.
+        fabric: Name of its fabric.
+        gates: What it measures.
+    """
+
+    name: str
+    pieces: Pieces
+    sewn: Sewn
+    fabric: str
+    gates: Gates
+
+    @property
+    def mesh(self) -> GarmentMesh:
+        """Its surface at rest, and the panels that it was cut from."""
+        sewn = self.sewn
+        return GarmentMesh(vertices=sewn.vertices, triangles=sewn.triangles, flat=sewn.flat)
+
+    def write(self, path: Path) -> None:
+        """Writes it as a sewn garment, see `sewn_file`."""
+        panel = self.pieces.panel[self.pieces.triangles[:, 0]]
+        sewn = self.sewn
+        names = tuple(self.pieces.pattern.panels)
+        write_sewn(path, sewn.vertices, sewn.triangles, sewn.flat, panel, names)
+
+
+def pattern_for(source: str | Path, model: Model) -> tuple[Pattern, str, int]:
+    """A pattern by the name of a draft or from a file.
+
+    Returns:
+        The pattern, the name of its fabric, and how many vertices it is to have, 0: as many as
+        `EDGE_LENGTH` gives.
+
+    Raises:
+        InputFileError: The file cannot be used.
+        ParameterError: Neither.
+        GeometryError: The body cannot be measured, or is of proportions that make no pattern.
+    """
+    draft = DRAFTS.get(str(source))
+    if draft is not None:
+        pattern = draft.make(model.tape())
+        check(pattern)
+        return pattern, draft.fabric, draft.vertices
+    if Path(source).suffix.lower() == ".json":
+        return read_garmentcode(source), "cotton_jersey", 0
+    raise ParameterError(
+        "garment", f"found {str(source)[:80]!r}", f"allowed: {', '.join(DRAFTS)}, or a .json file"
+    )
+
+
+def make(
+    source: str | Path,
+    model: Model,
+    *,
+    edge_length: float | None = None,
+    fabric: str | None = None,
+    tell: Tell = lambda phase, share: None,
+) -> Made:
+    """Makes a garment.
+
+    Args:
+        source: The name of a draft, or a GarmentCode file.
+        model: The body.
+        edge_length: Length of edges [m]; None: as the draft has it, `EDGE_LENGTH` for files.
+        fabric: Name of its fabric; None: as the draft has it, cotton jersey for files.
+        tell: Is told the phase and how far it is.
+
+    Raises:
+        InputFileError: The file cannot be used.
+        ParameterError: An unknown garment or fabric, or an edge length that is not allowed.
+        GeometryError: The body cannot be dressed in it; the message names the panel or seam.
+    """
+    if fabric is not None and fabric not in PRESETS:
+        raise ParameterError("fabric", f"found {fabric[:60]!r}", f"allowed: {', '.join(PRESETS)}")
+    tell("cutting", 0.0)
+    pattern, usual, vertices = pattern_for(source, model)
+    fabric = fabric or usual
+    if edge_length is None:
+        edge_length = edge_length_for(pattern, vertices) if vertices else EDGE_LENGTH
+    pieces = cut(pattern, edge_length)
+    tell("cutting", 1.0)
+    if any(e.label in _OF_LEGS for p in pattern.panels.values() for e in p.edges):
+        model = model.for_legs()
+    pieces = placed_clear(pieces, model.distance, model.body.name)
+    sewn = sew(pieces, model, PRESETS[fabric].material, tell=tell)
+    if not np.isfinite(sewn.vertices).all():
+        raise GeometryError(f"pattern {pattern.name!r}: it did not hold together as it was sewn")
+    return Made(
+        name=pattern.name,
+        pieces=pieces,
+        sewn=sewn,
+        fabric=fabric,
+        gates=_measured(sewn, model),
+    )
+
+
+def _measured(sewn: Sewn, model: Model) -> Gates:
+    return gates(sewn, model.skin, model.body.skin.triangles, model.colliders, model.poses)
+
+
+def worn_together(made: Mapping[str, Made], model: Model) -> dict[str, Made]:
+    """Garments that were sewn one by one, as they hang over each other.
+
+    They are put on as an outfit is, in the layers that they lie in, and come to rest.
+
+    Args:
+        made: The garments by name, inner ones first.
+        model: The body, of which the bones are known.
+
+    Raises:
+        GeometryError: The body lacks bones that an outfit needs.
+    """
+    entries = [
+        {
+            "name": name,
+            "mesh": "sewn",
+            "material": m.fabric,
+            "layer": k,
+            "self_collision": True,
+        }
+        for k, (name, m) in enumerate(made.items())
+    ]
+    outfit = make_outfit(
+        outfit_from({"version": 1, "garments": entries}),
+        model.body,
+        colliders=model.colliders,
+        meshes={name: m.mesh for name, m in made.items()},
+    )
+    simulation = Simulation(outfit, model.colliders)
+    simulation.reset(model.poses)
+    together = {}
+    for name, m in made.items():
+        x = np.asarray(simulation[name].positions, dtype=np.float64).copy()
+        sewn = replace(m.sewn, vertices=x)
+        together[name] = replace(m, sewn=sewn, gates=_measured(sewn, model))
+    return together

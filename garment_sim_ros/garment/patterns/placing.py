@@ -1,0 +1,160 @@
+"""Panels around a body before they are sewn: none touches it, each faces outwards."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from garment_sim_ros.arrays import FloatArray, IntArray
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.garment.patterns.pattern import Panel, Placement
+from garment_sim_ros.garment.patterns.pieces import Pieces
+from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.topology import vertex_normals
+
+CLEARANCE = 0.02
+"""Distance that flat panels keep from the body at the start [m]."""
+_ROLLED = 0.01
+"""Distance that rolled ones keep, which are all around a limb [m]."""
+_ON_WAY = 9
+"""Places on the way between two sewn vertices that are looked at."""
+_LEVEL = 0.03
+"""Seams within this height are one level [m]."""
+_HIGHEST, _LIFT_STEP = 0.12, 0.01
+"""How far panels are lifted at most, and in which steps [m]."""
+_OVER = 0.008
+"""Distance from the skin that ways keep [m]."""
+_STEPS = 60
+_FARTHEST = 0.8
+"""How far a panel is moved at most [m]."""
+_TOO_FAR = 1.0
+"""Distance from the body at which a pattern is not around it [m]."""
+
+
+def placed_clear(pieces: Pieces, body: MeshDistance, body_name: str) -> Pieces:
+    """The pieces with every panel moved out until it is clear of the body.
+
+    A flat panel moves along its outside, a rolled one along the limb that it is rolled around,
+    away from the trunk. All of them are then lifted as far as it takes for what is sewn to meet
+    over the body, not through it: the shoulder seams of a front and a back come together above
+    the shoulders.
+
+    Args:
+        pieces: The cut pattern.
+        body: The skin that they must not touch.
+        body_name: What messages call it.
+
+    Raises:
+        GeometryError: A panel is nowhere near the body, faces it with the wrong side, or does not
+            come clear of it; the message names it.
+    """
+    pattern = pieces.pattern
+    panels = {}
+    x = pieces.placed()
+    for k, (name, panel) in enumerate(pattern.panels.items()):
+        own = pieces.panel == k
+        triangles = pieces.triangles[own[pieces.triangles[:, 0]]] - int(np.flatnonzero(own)[0])
+        what = f"pattern {pattern.name!r}: panel {name!r}"
+        start = x[own]
+        _check_side(what, start, triangles, body, body_name)
+        way = _way_out(what, panel, start, body, body_name)
+        T = panel.placement.T_world_panel.copy()
+        T[:3, 3] += way
+        panels[name] = replace(
+            panel, placement=Placement(T_world_panel=T, bend=panel.placement.bend)
+        )
+    clear = pieces.with_pattern(replace(pattern, panels=panels))
+    return _raised(clear, _lift(clear, body))
+
+
+def _raised(pieces: Pieces, lift: float) -> Pieces:
+    """The pieces so much higher [m]."""
+    panels = {}
+    for name, panel in pieces.pattern.panels.items():
+        T = panel.placement.T_world_panel.copy()
+        # What is rolled around a limb stays around it.
+        T[2, 3] += lift if not np.isfinite(panel.placement.bend) else 0.0
+        place = Placement(T_world_panel=T, bend=panel.placement.bend)
+        panels[name] = replace(panel, placement=place)
+    return pieces.with_pattern(replace(pieces.pattern, panels=panels))
+
+
+def _lift(pieces: Pieces, body: MeshDistance) -> float:
+    """The least height at which the highest seams of fronts to backs meet over the body [m].
+
+    Of the heights at which as few of their ways as can be are in the body, the least.
+    """
+    pairs = _on_top(pieces)
+    if not len(pairs):
+        return 0.0
+    shares = np.linspace(0.0, 1.0, _ON_WAY + 2)[1:-1, None, None]
+    lifts = np.arange(0.0, _HIGHEST + 1e-9, _LIFT_STEP)
+    blocked = []
+    for lift in lifts:
+        x = _raised(pieces, lift).placed()
+        a, b = x[pairs[:, 0]], x[pairs[:, 1]]
+        ways = ((1.0 - shares) * a + shares * b).reshape(-1, 3)
+        inside = body.signed_distance(ways)[0].reshape(_ON_WAY, -1) < _OVER
+        blocked.append(int(inside.any(axis=0).sum()))
+    return float(lifts[int(np.argmin(blocked))])
+
+
+def _on_top(pieces: Pieces) -> IntArray:
+    """Pairs of sewn vertices of the highest seams between panels that face opposite ways."""
+    normal = [p.placement.T_world_panel[:3, 2] for p in pieces.pattern.panels.values()]
+    x = pieces.placed()
+    found = []
+    for pairs in pieces.seams:
+        a, b = (normal[pieces.panel[pairs[0, side]]] for side in (0, 1))
+        if a @ b < -0.5:
+            found.append((float(x[pairs, 2].mean()), pairs))
+    if not found:
+        return np.zeros((0, 2), np.int32)
+    top = max(height for height, _ in found)
+    return np.concatenate([pairs for height, pairs in found if height > top - _LEVEL])
+
+
+def away(panel: Panel) -> FloatArray:
+    """Direction in which a panel gets away from the body, shape [3]."""
+    T = panel.placement.T_world_panel
+    return -T[:3, 1] if np.isfinite(panel.placement.bend) else T[:3, 2]
+
+
+def _check_side(
+    what: str, x: FloatArray, triangles: FloatArray, body: MeshDistance, body_name: str
+) -> None:
+    gap, closest, _ = body.signed_distance(x)
+    if np.abs(gap).min() > _TOO_FAR:
+        raise GeometryError(
+            f"{what} is {np.abs(gap).min():.3g} m away from {body_name}; allowed: a pattern "
+            "around it (another unit of length, or another body?)"
+        )
+    normal = np.zeros_like(x)
+    vertex_normals(x, np.ascontiguousarray(triangles, np.int32), normal)
+    outward = (x - closest) * np.sign(gap)[:, None]
+    outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-12)
+    if (normal * outward).sum(axis=1).mean() < -0.2:
+        raise GeometryError(
+            f"{what} is mirrored: its right side faces {body_name}; allowed: right sides outwards"
+        )
+
+
+def _way_out(
+    what: str, panel: Panel, x: FloatArray, body: MeshDistance, body_name: str
+) -> FloatArray:
+    """How far to move a panel [m], shape [3]."""
+    direction = away(panel)
+    rolled = np.isfinite(panel.placement.bend)
+    clear = _ROLLED if rolled else CLEARANCE
+    # What is farther away than it need be has a longer way to go as it is sewn.
+    moved = 0.0 if rolled else min(0.0, clear - float(body.signed_distance(x)[0].min()))
+    for _ in range(_STEPS):
+        gap = float(body.signed_distance(x + moved * direction)[0].min())
+        if gap >= clear:
+            return moved * direction
+        moved += max(clear - gap, 0.005)
+        if moved > _FARTHEST:
+            break
+    raise GeometryError(
+        f"{what} does not come clear of {body_name} within {_FARTHEST:g} m; allowed: a place "
+        "beside the body"
+    )

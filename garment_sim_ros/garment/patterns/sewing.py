@@ -1,0 +1,244 @@
+"""From placed panels to a garment at rest on a body, by the simulation that wears it later.
+
+As Sun et al. 2007 have it: flat pieces are placed around the body and sewn by collision in
+micro-gravity, then left to drape. Three phases, each a `Simulation` on the body's colliders:
+
+1. all stitches close at an even pace (`sim.holds.stitching`), hardly any weight, air that brakes;
+2. vertices that met are made one, so that a seam has no vertex of one side only; the garment comes
+   free of itself where panels passed through each other, and to rest in micro-gravity;
+3. gravity acts, until the garment is at rest: by kinetic damping first, then with none but the
+   fabric's own and without self-collision, as it is worn.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from garment_sim_ros.arrays import FloatArray, IntArray
+from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.garment.garment import Garment
+from garment_sim_ros.garment.patterns.pieces import Pieces
+from garment_sim_ros.params import Material
+from garment_sim_ros.sim.holds.stitching import CLOSING, LATEST
+from garment_sim_ros.sim.self_collision.garment import own_distance
+from garment_sim_ros.sim.simulation import Simulation
+
+_MICRO = (0.0, 0.0, -0.5)
+"""Gravity while it is sewn [m/s^2]."""
+_DRAG = 3.0
+"""Drag of the air meanwhile [kg/(m^2 s)]."""
+_STEP = 1 / 60
+_NAME = "sewn"
+WAIST = "waist"
+"""Label of edges that a band holds to the waist."""
+_JOINING = 60
+"""Steps in micro-gravity in which the sewn garment comes free of itself."""
+_AFTER = 0.3
+"""Time after the stitches have closed in which the cloth calms down [s]."""
+_MEETS = 5e-4
+"""Distance at which stitched vertices have met [m]."""
+_LONGEST_SEWING = 4.0
+_QUIET = 0.01
+"""RMS speed of a garment at rest [m/s]."""
+_LONGEST_QUIET = 4.0
+"""Longest time that a garment may take to come to rest after it was settled [s]."""
+_WATCHED = 0.5
+"""Time over which the rest is measured [s]."""
+
+Tell = Callable[[str, float], None]
+"""Is told the phase and how much of it is done, 0 to 1."""
+
+
+def _silent(phase: str, share: float) -> None:
+    """Tells nobody."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sewn:
+    """A garment that was sewn on a body.
+
+    Attributes:
+        vertices: At rest on the body [m], shape [v, 3].
+        triangles: Shape [t, 3].
+        flat: Weft and warp of the triangles' corners [m], shape [t, 3, 2].
+        placed: The panels before, each with vertices of its own [m], shape [n, 3].
+        closed: The same when the stitches had closed [m], shape [n, 3].
+        gaps: Largest distance of vertices from their common place, of each of the pattern's
+            stitches [m].
+        rms_speed: At rest [m/s].
+        max_speed: Likewise, of the fastest vertex [m/s].
+    """
+
+    vertices: FloatArray
+    triangles: IntArray
+    flat: FloatArray
+    placed: FloatArray
+    closed: FloatArray
+    gaps: tuple[float, ...]
+    rms_speed: float
+    max_speed: float
+
+
+class Wearer(Protocol):
+    """The body, which stands still; see `making.Model`."""
+
+    @property
+    def colliders(self) -> ColliderSet:
+        """What garments lie on."""
+
+    @property
+    def poses(self) -> ColliderPoses:
+        """Where they are."""
+
+    def garment(self, vertices: FloatArray, triangles: IntArray, material: Material) -> Garment:
+        """A surface around it that follows it."""
+
+
+def sew(
+    pieces: Pieces,
+    wearer: Wearer,
+    material: Material,
+    *,
+    tell: Tell = _silent,
+) -> Sewn:
+    """Sews a pattern that is placed clear of the body, and lets it drape.
+
+    Args:
+        pieces: The cut pattern in its place.
+        wearer: The body.
+        material: The fabric.
+        tell: Is told the phase and how far it is.
+
+    Raises:
+        GeometryError: A seam does not close.
+    """
+    placed = pieces.placed()
+    closed = _close(pieces, placed, wearer, material, tell)
+    gaps = seam_gaps(pieces, closed)
+    _check_closed(pieces, gaps)
+    x = _joined(pieces, closed, wearer, material, tell)
+    tell("draping", 0.0)
+    whole = _banded(pieces, _whole(pieces, x, wearer, material))
+    simulation = Simulation(whole, wearer.colliders)
+    simulation.reset(wearer.poses)
+    tell("draping", 0.7)
+    # As it is worn by default: where cloth is pinched, self-collision makes it quiver.
+    as_worn = replace(whole, vertices=_positions(simulation), self_collision=None)
+    simulation = Simulation(as_worn, wearer.colliders)
+    simulation.reset(wearer.poses, settle=False)
+    rms, fastest = _come_to_rest(simulation, wearer.poses, tell)
+    return Sewn(
+        vertices=_positions(simulation),
+        triangles=pieces.sewn_triangles,
+        flat=pieces.corners,
+        placed=placed,
+        closed=closed,
+        gaps=gaps,
+        rms_speed=rms,
+        max_speed=fastest,
+    )
+
+
+def _whole(pieces: Pieces, x: FloatArray, wearer: Wearer, material: Material) -> Garment:
+    """The sewn garment, which does not pass through itself."""
+    triangles = pieces.sewn_triangles
+    apart = own_distance(x, triangles, material)
+    return replace(
+        wearer.garment(x, triangles, material),
+        name=_NAME,
+        flat=pieces.corners,
+        self_collision=apart,
+    )
+
+
+def _banded(pieces: Pieces, whole: Garment) -> Garment:
+    """The garment with its waist held as a band holds it: where it was sewn around the body."""
+    labels = [[e.label for e in panel.edges] for panel in pieces.pattern.panels.values()]
+    band = [
+        n
+        for n, (panel, edge) in enumerate(zip(pieces.panel, pieces.edge, strict=True))
+        if edge >= 0 and labels[panel][edge] == WAIST
+    ]
+    pins = np.unique(pieces.welded[band]).astype(np.int32)
+    return replace(whole, pins=pins, pin_frame=np.zeros(len(pins), np.int32))
+
+
+def _joined(
+    pieces: Pieces, closed: FloatArray, wearer: Wearer, material: Material, tell: Tell
+) -> FloatArray:
+    """The sewn garment after some time in micro-gravity [m], shape [v, 3]."""
+    slow = replace(material, air_drag=_DRAG)
+    whole = _whole(pieces, pieces.joined(closed), wearer, slow)
+    simulation = Simulation(whole, wearer.colliders, gravity=_MICRO)
+    simulation.reset(wearer.poses, settle=False)
+    for n in range(_JOINING):
+        simulation.advance(wearer.poses, wearer.poses, _STEP)
+        tell("joining", (n + 1) / _JOINING)
+    return _positions(simulation)
+
+
+def _positions(simulation: Simulation) -> FloatArray:
+    return np.asarray(simulation[_NAME].positions, dtype=np.float64).copy()
+
+
+def seam_gaps(pieces: Pieces, x: FloatArray) -> tuple[float, ...]:
+    """Largest distance between vertices that are sewn to each other, for each stitch [m]."""
+    return tuple(
+        float(np.linalg.norm(x[pairs[:, 0]] - x[pairs[:, 1]], axis=1).max(initial=0.0))
+        for pairs in pieces.seams
+    )
+
+
+def _close(
+    pieces: Pieces, placed: FloatArray, wearer: Wearer, material: Material, tell: Tell
+) -> FloatArray:
+    """The panels when all their stitches have closed [m], shape [n, 3]."""
+    panels = replace(
+        wearer.garment(placed, pieces.triangles, replace(material, air_drag=_DRAG)),
+        name=_NAME,
+        flat=pieces.corners,
+        stitches=pieces.stitches,
+    )
+    simulation = Simulation(panels, wearer.colliders, gravity=_MICRO)
+    simulation.reset(wearer.poses, settle=False)
+    least = round((CLOSING + LATEST + _AFTER) / _STEP)
+    x = placed
+    for n in range(round(_LONGEST_SEWING / _STEP)):
+        simulation.advance(wearer.poses, wearer.poses, _STEP)
+        tell("sewing", min(1.0, (n + 1) / least))
+        if n + 1 < least:
+            continue
+        x = _positions(simulation)
+        if max(seam_gaps(pieces, x), default=0.0) < _MEETS:
+            break
+    return x
+
+
+def _check_closed(pieces: Pieces, gaps: tuple[float, ...]) -> None:
+    worst = int(np.argmax(gaps)) if gaps else -1
+    if worst >= 0 and not gaps[worst] < 10.0 * _MEETS:
+        raise GeometryError(
+            f"pattern {pieces.pattern.name!r}: the seam {pieces.pattern.stitches[worst]} does not "
+            f"close: {1e3 * gaps[worst]:.1f} mm are left; allowed: panels wide enough to meet "
+            "around the body"
+        )
+
+
+def _come_to_rest(simulation: Simulation, poses: ColliderPoses, tell: Tell) -> tuple[float, float]:
+    """Lets the garment move as it will until it does not, and measures over half a second."""
+    health = simulation[_NAME].health
+    watched = round(_WATCHED / _STEP)
+    steps = round(_LONGEST_QUIET / _STEP)
+    speeds: list[tuple[float, float]] = []
+    for n in range(steps):
+        simulation.advance(poses, poses, _STEP)
+        speeds.append((health.rms_speed, health.max_speed))
+        recent = np.array(speeds[-watched:])
+        tell("draping", 0.7 + 0.3 * min(1.0, n / watched))
+        if len(recent) == watched and recent[:, 0].max() < _QUIET:
+            return float(recent[:, 0].max()), float(recent[:, 1].max())
+    recent = np.array(speeds[-watched:])
+    return float(recent[:, 0].max()), float(recent[:, 1].max())

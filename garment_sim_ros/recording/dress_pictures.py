@@ -1,0 +1,141 @@
+"""Pictures of a garment that was sewn: its flat pieces, the body in it, and how it is strained."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from garment_sim_ros.arrays import AnyArray, FloatArray, IntArray
+from garment_sim_ros.garment.colours import Colour
+from garment_sim_ros.garment.patterns.gates import strains
+from garment_sim_ros.garment.patterns.making import Made
+from garment_sim_ros.garment.patterns.pieces import Pieces
+from garment_sim_ros.geometry.topology import edge_table
+from garment_sim_ros.recording.render import SKIN_COLOR, Camera, Surface, color, linear, render
+
+_SIZE = (360, 620)
+_VIEWS = (("front", 0.0), ("side", 90.0), ("back", 180.0))
+_FIELD = math.radians(24.0)
+_MARGIN = 1.15
+_BANDS = (
+    (-0.03, "#4a6fb5", "shorter by 3 % and more"),
+    (0.03, "#e6e6e2", "within 3 %"),
+    (0.10, "#f2b45c", "3 to 10 %"),
+    (math.inf, "#c8423a", "longer by 10 % and more"),
+)
+"""Strains up to which each colour stands, the colours, and what they mean."""
+_PAPER, _INK, _PIECE = "#ffffff", "#222222", "#dfe8f5"
+
+
+def draw_dressed(
+    made: Sequence[Made],
+    colours: Sequence[Colour],
+    skin: FloatArray,
+    skin_triangles: IntArray,
+    path: Path,
+) -> None:
+    """Draws garments on their body: front, side, back, strain; below, their flat pieces.
+
+    Args:
+        made: The garments, inner ones first.
+        colours: A colour for each.
+        skin: The body's skin [m], shape [v, 3].
+        skin_triangles: Shape [t, 3].
+        path: A .png file.
+
+    Raises:
+        RenderingUnavailableError: The ray caster is not installed.
+    """
+    body = Surface(vertices=skin, triangles=skin_triangles, color=SKIN_COLOR, gloss=0.15)
+    worn = [
+        Surface(vertices=m.sewn.vertices, triangles=m.sewn.triangles, color=linear(c))
+        for m, c in zip(made, colours, strict=True)
+    ]
+    cloth = np.concatenate([m.sewn.vertices for m in made])
+    views = [_view([body, *worn], cloth, angle) for _, angle in _VIEWS]
+    strained = [body, *(s for m in made for s in _strain_surfaces(m))]
+    views.append(_view(strained, cloth, 0.0))
+    row = Image.fromarray(np.concatenate(views, axis=1))
+    draw = ImageDraw.Draw(row)
+    for k, name in enumerate([*(name for name, _ in _VIEWS), "strain"]):
+        draw.text((k * _SIZE[0] + 10, 8), name, fill=_INK, font=_font())
+    for n, (_, code, text) in enumerate(_BANDS):
+        y = _SIZE[1] - 20 * (len(_BANDS) - n) - 6
+        x = 3 * _SIZE[0] + 10
+        draw.rectangle((x, y, x + 14, y + 14), fill=code, outline=_INK)
+        draw.text((x + 20, y), text, fill=_INK, font=_font())
+    flat = [draw_pieces(m.pieces, row.width) for m in made]
+    sheet = Image.new("RGB", (row.width, row.height + sum(f.height for f in flat)), _PAPER)
+    y = 0
+    for picture in (row, *flat):
+        sheet.paste(picture, (0, y))
+        y += picture.height
+    sheet.save(path)
+
+
+def draw_pieces(pieces: Pieces, width: int) -> Image.Image:
+    """The flat pieces of a pattern beside each other, with their triangles and names."""
+    gap = 14
+    panels = list(pieces.pattern.panels.items())
+    extents = [np.ptp(panel.outline, axis=0) for _, panel in panels]
+    scale = (width - gap * (len(panels) + 1)) / sum(e[0] for e in extents)
+    scale = min(scale, 420.0 / max(e[1] for e in extents))
+    height = int(scale * max(e[1] for e in extents)) + 2 * gap + 18
+    picture = Image.new("RGB", (width, height), _PAPER)
+    draw = ImageDraw.Draw(picture)
+    left = float(gap)
+    for k, (name, panel) in enumerate(panels):
+        low = panel.outline.min(axis=0)
+
+        def on_sheet(x: AnyArray, left: float = left, low: AnyArray = low) -> AnyArray:
+            return np.stack(
+                [left + scale * (x[:, 0] - low[0]), height - gap - scale * (x[:, 1] - low[1])],
+                axis=1,
+            )
+
+        own = pieces.triangles[pieces.panel[pieces.triangles[:, 0]] == k]
+        at = on_sheet(pieces.flat)
+        for corners in at[own]:
+            draw.polygon([tuple(c) for c in corners], outline="#9fb2cc", fill=_PIECE)
+        outline = [tuple(p) for p in on_sheet(panel.outline)]
+        draw.line([*outline, outline[0]], fill=_INK, width=2)
+        draw.text((left, 2), name, fill=_INK, font=_font())
+        left += scale * extents[k][0] + gap
+    return picture
+
+
+def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(13)
+
+
+def _view(surfaces: Sequence[Surface], cloth: FloatArray, degrees: float) -> NDArray[np.uint8]:
+    """A picture of what is worn from a direction about the vertical."""
+    low, high = cloth.min(axis=0), cloth.max(axis=0)
+    middle = 0.5 * (low + high)
+    half = 0.5 * _MARGIN * (high - low)
+    across = max(float(half[0]), float(half[1])) * _SIZE[1] / _SIZE[0]
+    away = max(float(half[2]), across) / math.tan(0.5 * _FIELD) + float(half.max())
+    a = math.radians(degrees)
+    eye = middle + away * np.array([math.cos(a), math.sin(a), 0.1])
+    return render(surfaces, Camera(position=eye, target=middle, field_of_view=_FIELD), *_SIZE)
+
+
+def _strain_surfaces(made: Made) -> list[Surface]:
+    """The garment in bands of the strain of its triangles' most strained edges."""
+    triangles = made.sewn.triangles
+    edges, of_triangle, _ = edge_table(triangles)
+    strain = strains(made.sewn, edges)[of_triangle].reshape(-1, 3)
+    worst = np.take_along_axis(strain, np.abs(strain).argmax(axis=1)[:, None], axis=1)[:, 0]
+    band = np.searchsorted([limit for limit, _, _ in _BANDS], worst)
+    return [
+        Surface(
+            vertices=made.sewn.vertices,
+            triangles=np.ascontiguousarray(triangles[band == k]),
+            color=color(code),
+        )
+        for k, (_, code, _) in enumerate(_BANDS)
+        if (band == k).any()
+    ]

@@ -1,0 +1,87 @@
+"""The command `dress`: what it writes, and what it says of what it cannot use."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+import yaml
+
+from garment_sim_ros.avatar import Avatar
+from garment_sim_ros.cli.main import main
+from garment_sim_ros.garment.mesh import load_garment_mesh
+from garment_sim_ros.sim.simulation import Simulation
+
+
+def test_a_skirt_is_sewn_written_and_worn(tmp_path, capsys):
+    out = tmp_path / "new" / "skirt.yaml"
+    assert (
+        main(
+            [
+                "dress",
+                "--garment",
+                "short_skirt",
+                "--edge-length",
+                "0.05",
+                "--out",
+                str(out),
+                "--json",
+            ]
+        )
+        == 0
+    )
+    said = json.loads(capsys.readouterr().out.splitlines()[-1])
+    figures = said["garments"]["short_skirt"]
+    assert figures["panels"] == 2
+    assert figures["pierced"] == 0.0
+    assert sorted(p.name for p in out.parent.iterdir()) == [
+        "skirt.png",
+        "skirt.yaml",
+        "skirt_short_skirt.glb",
+    ]
+    content = yaml.safe_load(out.read_text())
+    assert content["garments"][0]["mesh"] == "skirt_short_skirt.glb"  # relative
+    mesh = load_garment_mesh(out.parent / "skirt_short_skirt.glb")
+    assert len(mesh.vertices) == figures["vertices"]
+    avatar = Avatar.load("mannequin")
+    outfit = avatar.dress(str(out))
+    (garment,) = outfit.garments
+    assert garment.flat is not None
+    simulation = Simulation(outfit, avatar.colliders)
+    simulation.step(avatar.poses())
+    moved = np.abs(simulation["short_skirt"].positions - mesh.vertices).max()
+    assert moved < 0.05  # it was at rest there
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--garment", "cape"], "--garment: found 'cape'"),
+        (["--garment", "tshirt", "--garment", "tshirt"], "given twice"),
+        (["--garment", "tshirt", "--edge-length", "3"], "edge_length.*larger than panel"),
+        (["--garment", "tshirt", "--edge-length", "-1"], "edge_length"),
+        (["--garment", "tshirt", "--body", "nobody.glb"], "nobody.glb"),
+    ],
+)
+def test_what_cannot_be_used_is_said_in_one_line(tmp_path, capsys, arguments, words):
+    out = tmp_path / "outfit.yaml"
+    assert main(["dress", *arguments, "--out", str(out)]) == 2
+    said = capsys.readouterr().err.strip().splitlines()
+    assert re.search(words, said[-1])
+    assert said[-1].startswith("error: ")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_outfit_is_a_yaml_file(tmp_path, capsys):
+    assert main(["dress", "--garment", "tshirt", "--out", str(tmp_path / "a.png")]) == 2
+    assert "allowed: a .yaml file" in capsys.readouterr().err
+
+
+def test_a_mesh_is_fitted_and_written(tmp_path, data_file):
+    mesh = data_file("garments", "skirt_short_female.obj")
+    body = data_file("bodies", "mh_female_young.glb")
+    out = tmp_path / "mesh.yaml"
+    assert main(["dress", "--body", str(body), "--garment", str(mesh), "--out", str(out)]) == 0
+    avatar = Avatar.load(body)
+    (garment,) = avatar.dress(str(out)).garments
+    assert len(garment.vertices) > 395

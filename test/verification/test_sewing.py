@@ -1,0 +1,153 @@
+"""Panels sewn on a body: they close around it, keep their lengths, and come to rest."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simple_patterns import tube
+
+from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.garment.patterns.gates import LIMITS, gates, self_intersections
+from garment_sim_ros.garment.patterns.making import DRAFTS, Model, make
+from garment_sim_ros.garment.patterns.pieces import cut
+from garment_sim_ros.garment.patterns.placing import CLEARANCE, placed_clear
+from garment_sim_ros.garment.patterns.sewing import sew
+from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology, non_manifold_edges
+from garment_sim_ros.params import Material
+from garment_sim_ros.sim.simulation import Simulation
+
+
+@pytest.fixture(scope="module")
+def model():
+    return Model(load_body("mannequin"))
+
+
+@pytest.fixture(scope="module")
+def tshirt(model):
+    return make("tshirt", model)
+
+
+@pytest.fixture(scope="module")
+def skirt(model):
+    return make("short_skirt", model)
+
+
+def test_a_t_shirt_passes_all_gates(tshirt):
+    assert not tshirt.gates.failed, tshirt.gates.lines()
+    assert set(tshirt.gates.figures) == set(LIMITS)
+
+
+def test_a_skirt_passes_all_gates(skirt):
+    assert not skirt.gates.failed, skirt.gates.lines()
+
+
+def test_sizes_are_those_of_the_first_paper(tshirt, skirt):
+    for made, vertices, triangles in ((tshirt, 1503, 2908), (skirt, 1687, 3264)):
+        assert len(made.sewn.vertices) == pytest.approx(vertices, rel=0.05)
+        assert len(made.sewn.triangles) == pytest.approx(triangles, rel=0.05)
+
+
+def test_a_t_shirt_has_four_openings_where_it_should(tshirt, model):
+    t, x = tshirt.sewn.triangles, tshirt.sewn.vertices
+    assert not len(non_manifold_edges(t))
+    loops = sorted(boundary_loops(t), key=lambda loop: x[loop, 2].mean())
+    assert len(loops) == 4
+    tape = model.tape()
+    hem, *cuffs, neck = (x[loop].mean(axis=0) for loop in loops)
+    assert tape.crotch < hem[2] < tape.waist.height
+    assert sorted(np.sign(c[1]) for c in cuffs) == [-1.0, 1.0]
+    assert abs(neck[1]) < 0.02
+    assert abs(neck[2] - tape.neck_base.height) < 0.06
+
+
+def test_a_t_shirt_hangs_the_same_on_both_sides(tshirt):
+    x = tshirt.sewn.vertices
+    assert abs(x[:, 1].max() + x[:, 1].min()) < 0.01
+    assert abs(np.median(x[:, 1])) < 0.02
+
+
+def test_panels_start_clear_of_the_body(tshirt, model):
+    gap = model.distance.signed_distance(tshirt.sewn.placed)[0]
+    assert gap.min() > 0.009
+    flat = tshirt.pieces.panel < 2
+    assert gap[flat].min() >= CLEARANCE - 1e-6
+
+
+def test_what_was_sewn_rests_where_it_is_put_on(tshirt, model):
+    garment = replace(
+        model.garment(tshirt.sewn.vertices, tshirt.sewn.triangles, Material()),
+        flat=tshirt.sewn.flat,
+    )
+    simulation = Simulation(garment, model.colliders)
+    simulation.reset(model.poses)
+    for _ in range(30):
+        simulation.advance(model.poses, model.poses, 1 / 60)
+    assert simulation["sewn"].health.rms_speed < 0.02
+    assert np.abs(simulation["sewn"].positions - tshirt.sewn.vertices).max() < 0.15
+
+
+def moved(pattern, by, turned=()):
+    """A pattern whose panels start elsewhere; those named look the other way."""
+    panels = {}
+    for name, panel in pattern.panels.items():
+        T = panel.placement.T_world_panel.copy()
+        T[:3, 3] += by
+        if name in turned:
+            T = T @ np.diag([-1.0, 1.0, -1.0, 1.0])
+            T[1, 3] *= -1.0
+        panels[name] = replace(panel, placement=replace(panel.placement, T_world_panel=T))
+    return replace(pattern, panels=panels)
+
+
+def test_a_panel_that_faces_the_body_is_called_mirrored(model):
+    pattern = moved(tube(width=0.4, other=0.3, height=0.3), [0.0, -0.2, 0.9])
+    with pytest.raises(GeometryError, match="panel 'back' is mirrored"):
+        placed_clear(cut(pattern, 0.04), model.distance, "mannequin")
+
+
+def test_a_tube_too_narrow_for_the_body_is_not_called_done(model):
+    pattern = moved(tube(width=0.1, other=0.3, height=0.3), [0.0, -0.05, 0.9], turned=("back",))
+    pieces = placed_clear(cut(pattern, 0.04), model.distance, "mannequin")
+    sewn = sew(pieces, model, Material())
+    found = gates(sewn, model.skin, model.body.skin.triangles, model.colliders, model.poses)
+    # Stretched where it holds, falling where it does not.
+    assert {"stretch_p95", "speed_mm_s"} & set(found.failed)
+
+
+def test_a_pattern_far_from_the_body_is_refused(model):
+    pattern = moved(tube(other=0.5), [30.0, 0.0, 0.0], turned=("back",))
+    with pytest.raises(GeometryError, match=r"panel 'front' is 30.* m away from mannequin"):
+        placed_clear(cut(pattern, 0.05), model.distance, "mannequin")
+
+
+def test_self_intersections_are_found(tshirt):
+    x, t = tshirt.sewn.vertices.copy(), tshirt.sewn.triangles
+    edges = mesh_topology(t).edges
+    assert not len(self_intersections(x, t, edges))
+    low = np.argmin(x[:, 2])
+    x[low] += [-0.4 * np.sign(x[low, 0]), 0.0, 0.15]  # a corner of the hem through the back
+    assert len(self_intersections(x, t, edges))
+
+
+@pytest.mark.parametrize(
+    ("figure", "spoil"),
+    [
+        ("stretch_p95", lambda s: replace(s, vertices=1.2 * s.vertices)),
+        ("penetration_mm_p99", lambda s: replace(s, vertices=s.vertices * [0.8, 0.8, 1.0])),
+        ("pierced", lambda s: replace(s, vertices=s.vertices + np.array([0.0, 0.2, 0.0]))),
+        ("seam_gap_mm", lambda s: replace(s, gaps=(0.001,))),
+        ("speed_mm_s", lambda s: replace(s, rms_speed=0.02)),
+    ],
+)
+def test_each_gate_closes_on_what_it_is_for(tshirt, model, figure, spoil):
+    spoiled = spoil(tshirt.sewn)
+    found = gates(spoiled, model.skin, model.body.skin.triangles, model.colliders, model.poses)
+    assert figure in found.failed
+    assert any(line.startswith("FAIL " + figure) for line in found.lines())
+
+
+def test_drafts_are_named_and_made(model):
+    for name, draft in DRAFTS.items():
+        pattern = draft.make(model.tape())
+        assert pattern.name == name
