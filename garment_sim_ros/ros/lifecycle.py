@@ -314,8 +314,9 @@ class ManagedNode(LifecycleNode, Generic[Group]):
             self._undo()
             return TransitionCallbackReturn.FAILURE
         except Exception:
-            # rclpy would drop it without a word.
-            self.get_logger().fatal(traceback.format_exc())
+            # rclpy would drop it without a word. At the end of the process it is none.
+            if self.context.ok():
+                self.get_logger().fatal(traceback.format_exc())
             return TransitionCallbackReturn.ERROR
         return super().on_configure(state)
 

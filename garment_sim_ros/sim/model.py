@@ -188,6 +188,23 @@ def _across(corners: FloatArray, triangles: IntArray, opposite: IntArray) -> Flo
     return mean
 
 
+def _check(name: str, vertices: FloatArray, triangles: IntArray) -> None:
+    """See that a mesh can be cloth; see `build_model` for what is raised."""
+    v = len(vertices)
+    if vertices.shape != (v, 3) or not np.isfinite(vertices).all():
+        raise GeometryError(f"garment {name!r}: vertices must be finite, shape [v, 3]")
+    if not triangles.size or triangles.shape[1:] != (3,):
+        raise GeometryError(f"garment {name!r}: needs triangles, shape [t, 3]")
+    if triangles.min() < 0 or triangles.max() >= v:
+        raise GeometryError(f"garment {name!r}: triangle indices must lie in 0..{v - 1}")
+    loose = np.setdiff1d(np.arange(v), triangles)
+    if len(loose):
+        raise GeometryError(
+            f"garment {name!r}: {len(loose)} vertices belong to no triangle, the first is "
+            f"{loose[0]}; every vertex must"
+        )
+
+
 def build_model(
     name: str,
     vertices: FloatArray,
@@ -221,19 +238,8 @@ def build_model(
     """
     vertices = np.ascontiguousarray(vertices, dtype=np.float64)
     triangles = np.ascontiguousarray(triangles, dtype=np.int32)
+    _check(name, vertices, triangles)
     v = len(vertices)
-    if vertices.shape != (v, 3) or not np.isfinite(vertices).all():
-        raise GeometryError(f"garment {name!r}: vertices must be finite, shape [v, 3]")
-    if not triangles.size or triangles.shape[1:] != (3,):
-        raise GeometryError(f"garment {name!r}: needs triangles, shape [t, 3]")
-    if triangles.min() < 0 or triangles.max() >= v:
-        raise GeometryError(f"garment {name!r}: triangle indices must lie in 0..{v - 1}")
-    loose = np.setdiff1d(np.arange(v), triangles)
-    if len(loose):
-        raise GeometryError(
-            f"garment {name!r}: {len(loose)} vertices belong to no triangle, the first is "
-            f"{loose[0]}; every vertex must"
-        )
     corners = vertices[triangles] if flat is None else upright(flat, len(triangles), name)
     mass = vertex_masses(vertices, triangles, material.areal_density, corners)
     if not mass.mean() > 0.0:

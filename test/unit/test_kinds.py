@@ -184,6 +184,7 @@ def test_the_table_of_methods_has_all_that_may_be_asked_for():
 OTHER_MEANINGS = {
     "__init__.py": {"sphere", "capsule", "ellipsoid", "hull"},  # public functions that make some
     "avatar.py": {"mesh"},  # of a garment
+    "cli/dress.py": {"mesh"},
     "body/loaders/gltf.py": {"mesh"},  # glTF's own word
     "body/loaders/gltf_scene.py": {"mesh"},
     "body/loaders/mesh_file.py": {"mesh"},  # trimesh's
@@ -193,6 +194,8 @@ OTHER_MEANINGS = {
     "contact/mesh/skinned.py": {"frame"},
     "contact/papers/outer_map.py": {"sphere"},  # a kind of map
     "garment/outfit_file.py": {"mesh"},  # of a garment
+    "garment/patterns/making.py": {"mesh"},
+    "garment/sewn_file.py": {"mesh"},  # glTF's own word
     "stability/cells.py": {"mesh"},
     "stability/dressed.py": {"frame"},  # of a clip
 }

@@ -95,11 +95,11 @@ def shaken(simulation, frame):
 
 
 def dropped(simulation, _):
-    simulation._worn["cloth"].health.let_go = 1
+    simulation.health("cloth").let_go = 1
 
 
 def tangled(simulation, _):
-    simulation._worn["cloth"].health.tangled = 5
+    simulation.health("cloth").tangled = 5
 
 
 def lowered(simulation, _):

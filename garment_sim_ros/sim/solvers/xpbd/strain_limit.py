@@ -68,7 +68,7 @@ def limit_strain(own, ready, planes, kept, limit, time):
             both = edges[e, 1] + edges[e, 2]
             before = less(row(own.x_search, i), row(own.x_search, j))
             longest = max(most * most * edges[e, 0], grown * grown * dot(before, before))
-            if not squared > longest:
+            if not (both > np.float32(0.0) and squared > longest):
                 continue
             found = True
             share = (np.float32(1.0) - np.sqrt(longest / squared)) / both
