@@ -4,8 +4,6 @@
 it is measured from time to time, in a thread of its own, and holds until it is measured again.
 """
 
-import os
-import sys
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -31,8 +29,6 @@ _PERIOD = 0.5
 """Least time between two measurements of `inside` [s]."""
 _REST = 30.0
 """Least such time per processor time of one."""
-_NICE = 10
-"""How far that thread steps back behind those that have a deadline."""
 _BIN = 5e-5
 """Shares of a garment's area are counted in steps of this."""
 
@@ -136,8 +132,6 @@ class _InsideSoFar:
 
     def _measure(self, poses: ColliderPoses, positions: Mapping[str, FloatArray]) -> None:
         began = time.thread_time()
-        if sys.platform == "linux":  # elsewhere it would be the whole process that steps back
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
         try:
             self._begin()
             assert self._skin is not None
