@@ -98,7 +98,9 @@ class NodeProcesses:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                start_new_session=True,  # Ctrl-C is for this program, which ends them in order
+                # Ctrl-C is for this program, which ends them in order. No session of their own:
+                # between sessions Linux does not regard priorities (`stepping_back`).
+                process_group=0,
             )
 
     def check(self) -> None:

@@ -2,6 +2,7 @@
 
 `pierced` is looked at in every frame. `inside` takes the distance of many points from the skin:
 it is measured from time to time, in a thread of its own, and holds until it is measured again.
+That takes longer than a frame may: it goes in pieces, each when a frame was just looked at.
 """
 
 import threading
@@ -24,11 +25,16 @@ from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.geometry.locality import near_together
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.recording.metrics import GarmentMesh
+from garment_sim_ros.stepping_back import step_back
 
 _PERIOD = 0.5
 """Least time between two measurements of `inside` [s]."""
 _REST = 30.0
 """Least such time per processor time of one."""
+_PIECE = 1500
+"""Points whose distance is taken at once."""
+_PATIENCE = 0.1
+"""Then a piece does not wait any longer for a frame [s]."""
 _BIN = 5e-5
 """Shares of a garment's area are counted in steps of this."""
 
@@ -99,11 +105,13 @@ class _InsideSoFar:
         self._counts = {g.name: np.zeros(bins, np.int64) for g in garments}
         self._quantiles: dict[str | None, tuple[float, float]] = {}
         self._thread: threading.Thread | None = None
+        self._turn = threading.Event()
         self._not_before = 0.0
         self._skin: SkinFromPoses | None = None
 
     def offer(self, poses: ColliderPoses, positions: Mapping[str, SingleArray]) -> None:
         """Measure a frame unless another is being measured, or was lately."""
+        self._turn.set()
         if self._thread is not None and self._thread.is_alive():
             return
         if time.monotonic() < self._not_before:
@@ -126,11 +134,13 @@ class _InsideSoFar:
         return found
 
     def wait(self) -> None:
-        """Until the measurement under way has ended."""
-        if self._thread is not None:
-            self._thread.join()
+        """Until the measurement under way has ended, whether frames come or not."""
+        while self._thread is not None and self._thread.is_alive():
+            self._turn.set()
+            self._thread.join(1e-3)
 
     def _measure(self, poses: ColliderPoses, positions: Mapping[str, FloatArray]) -> None:
+        step_back()
         began = time.thread_time()
         try:
             self._begin()
@@ -140,13 +150,22 @@ class _InsideSoFar:
                 if not np.isfinite(x).all():
                     continue
                 mesh = self._meshes[name]
-                share = mesh.inside(self._distance.signed_distance(mesh.samples(x))[0])
+                share = mesh.inside(self._distances(mesh.samples(x)))
                 self._counts[name][round(share / _BIN)] += 1
                 self.latest[name] = share
             self._quantiles = {}
         except GarmentSimError:
             return  # A body without a skin to be inside of: not measured again.
         self._not_before = time.monotonic() + max(_PERIOD, _REST * (time.thread_time() - began))
+
+    def _distances(self, points: FloatArray) -> FloatArray:
+        """Signed distances from the skin [m], shape [n]; a piece after each frame."""
+        pieces = []
+        for first in range(0, len(points), _PIECE):
+            self._turn.wait(_PATIENCE)
+            self._turn.clear()
+            pieces.append(self._distance.signed_distance(points[first : first + _PIECE])[0])
+        return np.concatenate(pieces)
 
     def _begin(self) -> None:
         """What measuring needs, made in its thread when it is first needed."""

@@ -50,6 +50,7 @@ from garment_sim_ros.ros.serialize import Poses, StampedPose
 from garment_sim_ros.ros.sources import Source
 from garment_sim_ros.ros.stamp_order import StampOrder
 from garment_sim_ros.stamps import SECOND
+from garment_sim_ros.stepping_back import step_back
 
 _DESCRIPTION = "robot_description"
 _SHOWN = 5
@@ -127,6 +128,8 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
 
     def start(self) -> None:
         """Publish the colliders; poses follow as joint states come."""
+        # Poses are wanted an input period after they came: cloth, due earlier, goes first.
+        step_back()
         if self._avatar is not None:
             self._description_out.publish(String(data=to_json(self._avatar.colliders)))
 

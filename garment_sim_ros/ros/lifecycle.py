@@ -31,6 +31,7 @@ from garment_sim_ros.ros.rclpy_internals import (
 )
 from garment_sim_ros.ros.sources import Source
 from garment_sim_ros.ros.ticker import Ticker, Waits
+from garment_sim_ros.stepping_back import libraries_step_back
 
 Group = TypeVar("Group")
 Other = TypeVar("Other")
@@ -326,6 +327,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
         for i in self.inputs:
             i.excuse()
         self.start()
+        libraries_step_back()
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:

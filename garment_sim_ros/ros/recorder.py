@@ -30,6 +30,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from garment_sim_ros.ros.rclpy_internals import Taker
+from garment_sim_ros.stepping_back import SMALL, libraries_step_back, step_back
 
 _NAMES = frozenset(
     {
@@ -97,6 +98,7 @@ class Recorder:
         ]
         for thread in self._threads:
             thread.start()
+        libraries_step_back()
         return self
 
     def __exit__(
@@ -116,6 +118,7 @@ class Recorder:
             raise self._failure
 
     def _receive(self) -> None:
+        step_back(SMALL)
         discovered = 0.0
         try:
             while not self._ended.wait(_LOOK_PERIOD):
@@ -141,6 +144,7 @@ class Recorder:
                 self.first_cloth.set()
 
     def _write(self) -> None:
+        step_back(SMALL)
         # Only this thread touches the writer: it is not made for two at once.
         connections: dict[str, Connection] = {}
         while (item := self._queue.get()) is not None:

@@ -1,6 +1,8 @@
 """The cloth node as a process, fed by hand."""
 
+import os
 import signal
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +21,18 @@ from garment_sim_ros.ros.interfaces import (
 )
 
 pytestmark = pytest.mark.ros
+
+
+@pytest.mark.skipif(not hasattr(os, "SCHED_BATCH"), reason="only Linux has priorities of threads")
+def test_threads_of_the_middleware_step_back_for_the_one_that_ticks(node, running):
+    threads = [int(folder.name) for folder in Path(f"/proc/{node.pid}/task").iterdir()]
+    policy = {t: os.sched_getscheduler(t) for t in threads}
+    assert policy.pop(node.pid) == os.SCHED_OTHER
+    assert os.SCHED_BATCH in policy.values()
+    names = {t: Path(f"/proc/{node.pid}/task/{t}/comm").read_text() for t in policy}
+    middleware = [t for t, name in names.items() if name.startswith("dds.")]
+    assert middleware
+    assert all(policy[t] == os.SCHED_BATCH for t in middleware)
 
 
 def test_topology_reaches_late_joiners_and_fits_the_points(running, probe, make_probe, until):
