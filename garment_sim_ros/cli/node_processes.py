@@ -24,6 +24,11 @@ _AT_WORK = re.compile(r": \d+ s so far$")
 _DOMAINS = 101
 _FIRST_PORT, _PORTS_OF_A_DOMAIN = 7400, 250  # as the standard of the middleware has them
 _claims: list[socket.socket] = []
+# Ctrl-C is for this program, which ends its nodes in order. No session of their own where there is
+# a choice: between sessions Linux does not regard priorities, see `stepping_back`.
+_APART: dict[str, Any] = (
+    {"process_group": 0} if sys.version_info >= (3, 11) else {"start_new_session": True}
+)
 _PATIENCE = 15.0  # for an orderly end, on a busy machine, too [s]
 
 
@@ -98,9 +103,7 @@ class NodeProcesses:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                # Ctrl-C is for this program, which ends them in order. No session of their own:
-                # between sessions Linux does not regard priorities (`stepping_back`).
-                process_group=0,
+                **_APART,
             )
 
     def check(self) -> None:
