@@ -315,18 +315,25 @@ class ManagedNode(LifecycleNode, Generic[Group]):
             self._undo()
             return TransitionCallbackReturn.FAILURE
         except Exception:
-            # rclpy would drop it without a word. At the end of the process it is none.
-            if self.context.ok():
-                self.get_logger().fatal(traceback.format_exc())
+            self._tell_defect()
             return TransitionCallbackReturn.ERROR
         return super().on_configure(state)
+
+    def _tell_defect(self) -> None:
+        """Log the error under way: rclpy would drop it without a word."""
+        if self.context.ok():  # at the end of the process it is none
+            self.get_logger().fatal(traceback.format_exc())
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begin to work."""
         result = super().on_activate(state)
         for i in self.inputs:
             i.excuse()
-        self.start()
+        try:
+            self.start()
+        except Exception:
+            self._tell_defect()
+            return TransitionCallbackReturn.ERROR
         libraries_step_back()
         return result
 

@@ -123,4 +123,5 @@ def run(
 def _autostart(node: ManagedNode[Any]) -> None:
     if node.trigger_configure() != TransitionCallbackReturn.SUCCESS:
         raise node.failure or GarmentSimError(f"{node.get_name()} could not be configured")
-    node.trigger_activate()
+    if node.trigger_activate() != TransitionCallbackReturn.SUCCESS:
+        raise GarmentSimError(f"{node.get_name()} could not be activated")

@@ -49,6 +49,23 @@ sys.exit(run("mocap_player", Long, []))
 """
 
 
+DEFECT = """
+import sys
+from garment_sim_ros.params import MocapPlayerParameters
+from garment_sim_ros.ros.lifecycle import ManagedNode
+from garment_sim_ros.ros.process import run
+
+class Broken(ManagedNode):
+    def __init__(self):
+        super().__init__("mocap_player", MocapPlayerParameters)
+
+    def {when}(self):
+        raise ZeroDivisionError("a defect")
+
+sys.exit(run("mocap_player", Broken, []))
+"""
+
+
 @contextlib.contextmanager
 def stuck(code):
     """A process that has come to where it says that it is stuck."""
@@ -96,3 +113,17 @@ def test_a_context_that_is_gone_within_a_callback_is_an_end():
     with stuck(STUCK.format(work=work)) as process:
         assert process.wait(60.0) == 0
         assert process.stdout.read() == ""
+
+
+@pytest.mark.parametrize(("when", "what"), [("prepare", "configured"), ("start", "activated")])
+def test_a_defect_ends_the_node_and_is_told(when, what):
+    done = subprocess.run(
+        [sys.executable, "-c", DEFECT.replace("{when}", when)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert done.returncode == 2
+    assert "ZeroDivisionError: a defect" in done.stderr
+    assert done.stderr.splitlines()[-1] == f"error: mocap_player could not be {what}"
