@@ -50,7 +50,13 @@ setup(
     ],
     zip_safe=False,
     install_requires=REQUIRES,
-    extras_require={"ros": ROS, "test": TEST, "docs": DOCS, "usd": USD, "dev": TEST + CHECK + DOCS},
+    extras_require={
+        "ros": ROS,
+        "test": TEST,
+        "docs": DOCS,
+        "usd": USD,
+        "dev": TEST + CHECK + DOCS,
+    },
     entry_points={
         "console_scripts": [
             "garment-sim = garment_sim_ros.cli.main:main",

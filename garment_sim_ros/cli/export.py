@@ -96,7 +96,9 @@ def _kind(out: Path, chosen: str | None) -> str:
         return chosen or "obj"
     if not is_file:
         raise InputFileError(
-            f"--out {out}", f"has the ending {suffix}", "allowed: .glb, .usda, .usdc, .usd, or none"
+            f"--out {out}",
+            f"has the ending {suffix}",
+            "allowed: .glb, .usda, .usdc, .usd, or none",
         )
     if chosen:
         raise ParameterError("--format", f"found {chosen} beside {out}", "allowed: with a folder")
@@ -109,9 +111,7 @@ def _write_file(frames: Frames, kind: str, path: Path, error: float) -> dict[str
     return write_usd(frames, path, progress=progress)
 
 
-def _told(
-    out: Path, frames: Frames, kind: str, size: int, told: dict[str, Any]
-) -> dict[str, Any]:
+def _told(out: Path, frames: Frames, kind: str, size: int, told: dict[str, Any]) -> dict[str, Any]:
     count, seconds = len(frames.times), float(frames.times[-1])
     print(f"{out}: {count} frames, {seconds:.2f} s, {1e-6 * size:.1f} MB")
     if told.get("targets"):

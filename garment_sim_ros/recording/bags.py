@@ -116,9 +116,7 @@ class Recording:
     colliders: ColliderTrack | None = None
 
 
-def read_recording(
-    path: str | Path, *, most_frames: int = 300, dressed: bool = True
-) -> Recording:
+def read_recording(path: str | Path, *, most_frames: int = 300, dressed: bool = True) -> Recording:
     """Read a bag of one avatar.
 
     Args:

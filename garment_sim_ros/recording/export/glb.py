@@ -24,9 +24,7 @@ _STILL = 1e-7
 """Joints whose translation changes less than that [m] have none in the animation."""
 
 
-def write_glb(
-    frames: Frames, path: Path, *, bound: float, progress: Progress
-) -> dict[str, Any]:
+def write_glb(frames: Frames, path: Path, *, bound: float, progress: Progress) -> dict[str, Any]:
     """Write a .glb file, y up as glTF has it.
 
     Args:
@@ -73,9 +71,7 @@ class _Film:
     def animate(self, node: int, path: str, values: AnyArray) -> None:
         """One row, or as many numbers as there are weights, at each time."""
         output = self.glb.accessor(values.astype(np.float32))
-        self._samplers.append(
-            {"input": self._times, "output": output, "interpolation": "LINEAR"}
-        )
+        self._samplers.append({"input": self._times, "output": output, "interpolation": "LINEAR"})
         target = {"node": node, "path": path}
         self._channels.append({"sampler": len(self._samplers) - 1, "target": target})
 

@@ -1,4 +1,4 @@
-"""A moving surface as few shapes: one rigid motion, and a mean shape with weighted targets.
+"""A moving surface as few shapes: one rigid motion, and a base with weighted targets.
 
 Frame by frame the rigid motion that brings the surface closest to one frame is taken out. What is
 left is put together from the principal components of all frames. These make the *mean* error
@@ -26,9 +26,9 @@ class Shapes:
     """Frame k is ``rotation[k] @ (base + weights[k] @ targets) + centre[k]``.
 
     Attributes:
-        base: Mean shape [m], shape [v, 3], float32.
+        base: All weights 0, a shape that never was [m], shape [v, 3], float32.
         targets: What a weight of 1 adds [m], shape [n, v, 3], float32.
-        weights: Between -1 and 1, shape [m, n], float32.
+        weights: Between 0 and 1, shape [m, n], float32.
         rotation: Shape [m, 3, 3].
         centre: [m], shape [m, 3].
         error: Largest distance of a vertex from where it was recorded [m].
@@ -56,10 +56,13 @@ def shapes_of(positions: Any, bound: float) -> Shapes:
     moved = (local - base).reshape(len(x), -1)
     # Rounding to float32 takes a part of the bound.
     targets, weights = _components(moved, 0.98 * bound)
-    largest = np.abs(weights).max(axis=0, initial=0.0)
-    largest[largest == 0.0] = 1.0
-    targets = (targets * largest[:, None]).reshape(-1, x.shape[1], 3).astype(np.float32)
-    weights = (weights / largest).astype(np.float32)
+    # Blender cuts weights off below 0 and above 1.
+    least = weights.min(axis=0)
+    span = weights.max(axis=0) - least
+    span[span == 0.0] = 1.0
+    base = (base + (least @ targets).reshape(-1, 3)).astype(np.float32)
+    weights = ((weights - least) / span).astype(np.float32)
+    targets = (targets * span[:, None]).reshape(-1, x.shape[1], 3).astype(np.float32)
     made = base + np.tensordot(weights.astype(float), targets.astype(float), 1)
     return Shapes(
         base=base,
@@ -72,7 +75,9 @@ def shapes_of(positions: Any, bound: float) -> Shapes:
 
 
 def normals_of(positions: Any, triangles: IntArray, shapes: Shapes) -> tuple[Any, Any]:
-    """Unit normals of the mean shape, and what the first targets add to them, by least squares.
+    """Unit normals of the base, and what the first targets add to them, by least squares.
+
+    Their sum has not the length 1; viewers make it so.
 
     Returns:
         Shapes [v, 3] and [at most `_NORMALS`, v, 3], float32.
@@ -81,12 +86,17 @@ def normals_of(positions: Any, triangles: IntArray, shapes: Shapes) -> tuple[Any
     for x, normal in zip(np.asarray(positions, np.float64), normals):
         vertex_normals(x, triangles, normal)
     normals = np.einsum("fji,fvj->fvi", shapes.rotation, normals)
-    base = normals.mean(axis=0)
-    length = np.linalg.norm(base, axis=1, keepdims=True)
-    base = np.where(length > 1e-6, base / np.maximum(length, 1e-6), [0.0, 0.0, 1.0])
+    mean = normals.mean(axis=0)
     weights = shapes.weights[:, :_NORMALS].astype(np.float64)
-    turned, *_ = np.linalg.lstsq(weights, (normals - base).reshape(len(normals), -1), rcond=None)
-    return base.astype(np.float32), turned.reshape(-1, *base.shape).astype(np.float32)
+    middle = weights.mean(axis=0)
+    rest = (normals - mean).reshape(len(normals), -1)
+    turned = np.linalg.lstsq(weights - middle, rest, rcond=None)[0].reshape(-1, *mean.shape)
+    base = mean - np.tensordot(middle, turned, 1)
+    length = np.linalg.norm(base, axis=1, keepdims=True)
+    base[length[:, 0] < 1e-3] = [0.0, 0.0, 1.0]
+    length[length < 1e-3] = 1.0
+    base, turned = base / length, turned / length
+    return base.astype(np.float32), turned.astype(np.float32)
 
 
 def _rigid(x: FloatArray) -> tuple[FloatArray, FloatArray]:
