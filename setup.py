@@ -30,6 +30,7 @@ ROS = [
 TEST = ["hypothesis>=6.98", "networkx>=2.8", "psutil>=5.9", "pytest>=8", "pytest-xdist>=3.5"]
 CHECK = ["import-linter~=2.12", "mypy~=2.4.0", "ruff~=0.17.0"]  # their rules change with versions
 DOCS = ["pdoc~=16.0"]
+USD = ["usd-core>=24.8"]  # no rosdep key: optional, found at run time
 
 setup(
     name=NAME,
@@ -49,7 +50,13 @@ setup(
     ],
     zip_safe=False,
     install_requires=REQUIRES,
-    extras_require={"ros": ROS, "test": TEST, "docs": DOCS, "dev": TEST + CHECK + DOCS},
+    extras_require={
+        "ros": ROS,
+        "test": TEST,
+        "docs": DOCS,
+        "usd": USD,
+        "dev": TEST + CHECK + DOCS,
+    },
     entry_points={
         "console_scripts": [
             "garment-sim = garment_sim_ros.cli.main:main",

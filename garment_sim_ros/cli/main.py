@@ -15,6 +15,7 @@ from garment_sim_ros.version import VERSION
 COMMANDS = {
     "demo": "run a dressed, moving avatar over ROS 2; record, measure and draw it",
     "dress": "cut garments from patterns, sew them on a body and let them drape",
+    "export": "turn a recorded avatar into a file for Blender and others",
     "fit": "fit colliders to a body",
     "info": "tell what would be modelled for an avatar and its outfit, and why",
     "stability": "drive the solvers to extremes and tell where they hold",

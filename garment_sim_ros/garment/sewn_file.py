@@ -6,8 +6,6 @@ coordinates from the flat panels. Attributes of our own tell what a simulation n
 the sewn garment that it is, ``_PANEL`` the number of its panel; the mesh's extras name the panels.
 """
 
-import json
-import struct
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +16,11 @@ from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.garment.mesh_data import GarmentMesh
 from garment_sim_ros.geometry.topology import non_manifold_edges, vertex_normals
 from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP
+from garment_sim_ros.glb_writer import GENERATOR, INDICES, VERTICES, GlbWriter
 
-_MARK = "garment_sim_ros"
 _FARTHEST = 1e3
 """Largest coordinate [m]."""
 _MOST_VERTICES = 1_000_000
-_FLOAT, _UINT = 5126, 5125
 
 
 def write_sewn(
@@ -79,49 +76,20 @@ def _texture(threads: FloatArray, panel: IntArray) -> FloatArray:
 def _write_glb(
     path: Path, arrays: dict[str, AnyArray], indices: AnyArray, names: tuple[str, ...]
 ) -> None:
-    kinds = {1: "SCALAR", 2: "VEC2", 3: "VEC3"}
-    binary, views, accessors = b"", [], []
-    for array, kind in [(a, _FLOAT) for a in arrays.values()] + [(indices, _UINT)]:
-        data = array.tobytes()
-        views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data)})
-        width = 1 if array.ndim == 1 else array.shape[1]
-        accessor = {
-            "bufferView": len(views) - 1,
-            "componentType": kind,
-            "count": len(array),
-            "type": kinds[width],
-        }
-        if width == 3:
-            accessor |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
-        accessors.append(accessor)
-        binary += data
+    glb = GlbWriter()
+    attributes = {
+        name: glb.accessor(array, target=VERTICES, bounds=name == "POSITION")
+        for name, array in arrays.items()
+    }
     primitive = {
-        "attributes": {name: i for i, name in enumerate(arrays)},
-        "indices": len(arrays),
-        "material": 0,
+        "attributes": attributes,
+        "indices": glb.accessor(indices, target=INDICES),
+        "material": glb.add("materials", {"doubleSided": True}),
     }
-    content = {
-        "asset": {"version": "2.0", "generator": _MARK},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [primitive], "extras": {_MARK: {"panels": list(names)}}}],
-        "materials": [{"doubleSided": True}],
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": len(binary)}],
-    }
-    text = json.dumps(content).encode()
-    text += b" " * (-len(text) % 4)
-    binary += b"\0" * (-len(binary) % 4)
-    total = 12 + 8 + len(text) + 8 + len(binary)
-    path.write_bytes(
-        struct.pack("<4sII", b"glTF", 2, total)
-        + struct.pack("<I4s", len(text), b"JSON")
-        + text
-        + struct.pack("<I4s", len(binary), b"BIN\0")
-        + binary
-    )
+    mesh = {"primitives": [primitive], "extras": {GENERATOR: {"panels": list(names)}}}
+    node = glb.add("nodes", {"mesh": glb.add("meshes", mesh)})
+    glb.json["scene"] = glb.add("scenes", {"nodes": [node]})
+    glb.write(path)
 
 
 def read_sewn(path: str | Path) -> GarmentMesh | None:
@@ -136,7 +104,7 @@ def read_sewn(path: str | Path) -> GarmentMesh | None:
     meshes = file.list_of("meshes")
     if len(meshes) != 1 or not isinstance(meshes[0].get("extras"), dict):
         return None
-    if _MARK not in meshes[0]["extras"]:
+    if GENERATOR not in meshes[0]["extras"]:
         return None
     primitives = file.items(meshes[0], "primitives", dict)
     if len(primitives) != 1 or not isinstance(primitives[0].get("attributes"), dict):

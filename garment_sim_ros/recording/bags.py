@@ -116,21 +116,23 @@ class Recording:
     colliders: ColliderTrack | None = None
 
 
-def read_recording(path: str | Path, *, most_frames: int = 300) -> Recording:
+def read_recording(path: str | Path, *, most_frames: int = 300, dressed: bool = True) -> Recording:
     """Read a bag of one avatar.
 
     Args:
         path: A rosbag2 folder.
         most_frames: Positions are kept of at most so many frames, evenly spread.
+        dressed: Refuse a bag without garments or `quality`; else both may be missing. Without
+            garments the frames are those of the joints.
 
     Raises:
         InputFileError: Not a bag, or topics that are needed are missing or have no message.
     """
     with opened_bag(path) as reader:
-        return _read(reader, path, most_frames)
+        return _read(reader, path, most_frames, dressed)
 
 
-def _read(reader: Bag, path: str | Path, most_frames: int) -> Recording:
+def _read(reader: Bag, path: str | Path, most_frames: int, dressed: bool) -> Recording:
     types = get_typestore(Stores.ROS2_JAZZY)
 
     def messages(ending: str) -> Iterator[tuple[str, int, Any]]:
@@ -152,9 +154,13 @@ def _read(reader: Bag, path: str | Path, most_frames: int) -> Recording:
     )
     if len(joint_stamp) == 0:
         raise InputFileError(path, "holds no usable joint_states", "needed: finite positions")
-    quality = _quality(messages)
     joints_known = int(joint_stamp.min()), int(joint_stamp.max())
-    stamp, garments = _garments(messages, path, joints_known, most_frames)
+    said = {c.topic.rsplit("/", 1)[-1] for c in reader.connections if c.msgcount}
+    quality = _quality(messages) if dressed or "quality" in said else {}
+    if dressed or said & {"topology", "points"}:
+        stamp, garments = _garments(messages, path, joints_known, most_frames)
+    else:
+        stamp, garments = joint_stamp[:: max(1, -(-len(joint_stamp) // most_frames))], {}
     return Recording(
         robot_description=description,
         joint_names=names,

@@ -1,65 +1,24 @@
 """glTF files of a column of skin on three joints, whole or changed."""
 
-import json
-import struct
-
 import numpy as np
 import trimesh
 
-COMPONENT = {"f4": 5126, "u1": 5121, "u2": 5123, "u4": 5125, "i2": 5122, "i1": 5120}
+from garment_sim_ros.glb_writer import GlbWriter
 
 
-KIND = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
-
-
-class Builder:
+class Builder(GlbWriter):
     """A glTF document under construction; tests change `json` before it is written."""
 
     def __init__(self):
-        self.binary = b""
-        self.json = {
-            "asset": {"version": "2.0"},
-            "nodes": [],
-            "meshes": [],
-            "skins": [],
-            "accessors": [],
-            "bufferViews": [],
-        }
-
-    def view(self, data):
-        self.binary += b"\0" * (-len(self.binary) % 4)
-        self.json["bufferViews"].append(
-            {"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)}
-        )
-        self.binary += data
-        return len(self.json["bufferViews"]) - 1
+        super().__init__()
+        for name in ("nodes", "meshes", "skins", "accessors", "bufferViews"):
+            self.json[name] = []
 
     def accessor(self, array, dtype, normalized=False):
-        array = np.asarray(array, dtype="<" + dtype)
-        accessor = {
-            "bufferView": self.view(array.tobytes()),
-            "componentType": COMPONENT[dtype],
-            "count": len(array),
-            "type": KIND[array.size // len(array)],
-        }
-        if normalized:
-            accessor["normalized"] = True
-        self.json["accessors"].append(accessor)
-        return len(self.json["accessors"]) - 1
+        return super().accessor(np.asarray(array, dtype="<" + dtype), normalized=normalized)
 
     def glb(self, path):
-        self.json["buffers"] = [{"byteLength": len(self.binary)}]
-        text = json.dumps(self.json).encode()
-        text += b" " * (-len(text) % 4)
-        binary = self.binary + b"\0" * (-len(self.binary) % 4)
-        total = 12 + 8 + len(text) + 8 + len(binary)
-        path.write_bytes(
-            struct.pack("<4sII", b"glTF", 2, total)
-            + struct.pack("<I4s", len(text), b"JSON")
-            + text
-            + struct.pack("<I4s", len(binary), b"BIN\0")
-            + binary
-        )
+        self.write(path)
         return path
 
 
