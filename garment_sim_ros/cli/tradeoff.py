@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import json
+import math
 import multiprocessing
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -63,7 +64,11 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     with _made(args.out):
         kept = Kept(args.out / "rows.jsonl")
     told = _references(args, scenes, kept)
-    rows = _rows(args, scenes, kept)
+    doubt = {name: _doubt(of) for name, of in told.items()}
+    rows = [
+        row | {"doubt_mm": doubt[f"{row['scene']}, {row['colliders']}"]}
+        for row in _rows(args, scenes, kept)
+    ]
     best = on_fronts(rows, _COST, _ERROR)
     result = {
         "machine": machine(args.jobs),
@@ -86,6 +91,15 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         if not told_of["converged"]:
             print(f"reference not converged: {name}: {told_of['changes_mm']} mm", file=sys.stderr)
     return result | {"out": str(args.out)}
+
+
+def _doubt(told: dict[str, Any]) -> float | None:
+    """RMS, over the segments, of what the last doubling changed in a reference [mm]."""
+    changes = told["changes_mm"]
+    if None in changes:
+        return None
+    mean = sum(change**2 for change in changes) / len(changes)
+    return float(f"{math.sqrt(mean):.3g}")
 
 
 def _name(row: Row) -> str:

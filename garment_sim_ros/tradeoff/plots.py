@@ -129,6 +129,11 @@ def _chart(
     canvas.text(_LEFT, 14, title, _INK, "l")
     canvas.text(_LEFT + width / 2, bottom + 36, _axis(keys[0], "ms a frame"), _INK, "m")
     canvas.text(_LEFT, _TOP - 12, _axis(keys[1], "mm"), _INK, "l")
+    doubt = rows[0].get("doubt_mm") or 0.0
+    if spans[1][0] < math.log10(max(doubt, 1e-12)) < spans[1][1]:
+        y = place(rows[0] | {keys[1]: doubt})[1]
+        canvas.line([(_LEFT, y), (right, y)], "#808080", 1.5)
+        canvas.text(right - 6, y - 9, "below: the reference itself is in doubt", "#606060", "r")
     valid = [row for row in rows if not row["faults"]]
     best = [valid[k] for k in front([r[keys[0]] for r in valid], [r[keys[1]] for r in valid])]
     canvas.line([place(row) for row in best], _INK, 1.5)

@@ -22,7 +22,7 @@ SEGMENT = 0.5
 """Length of a segment [s]."""
 CHANGE = 0.1
 """It is converged where twice as many sub-steps change it by less than this [mm]."""
-_FIRST, MOST = 60, 1920
+_FIRST, MOST = 60, 960
 """Sub-steps of the first try, and most of them, in 1/60 s."""
 _DEFAULT = 18
 _REST, _ROUNDS = 0.5, 8
@@ -176,20 +176,24 @@ def _converged(
     counts: tuple[int, float],
     change: float,
 ) -> tuple[dict[str, SingleArray], int, float, Snapshot]:
-    """Path, sub-steps, last change [mm] and end of one segment."""
+    """Path, sub-steps, last change [mm] and end of one segment.
+
+    Where single precision or chaos has the change grow again, that with the least change is it.
+    """
     count, most = counts
     path: dict[str, SingleArray] = {}
-    moved = np.inf
+    best: tuple[dict[str, SingleArray], int, float, Snapshot] | None = None
     while True:
         player = make(count)
         player.put_on(settle=False)
         player.begin(at)
         finer = player.play(*frames).paths
-        if path:
-            moved = distance_mm(path, finer)
+        moved = distance_mm(path, finer) if path else np.inf
+        if best is None or moved < best[2]:
+            best = finer, count, moved, player.snapshot(frames[1])
+        if best[2] < change or 2 * count > most:
+            return best
         path = finer
-        if moved < change or 2 * count > most:
-            return path, count, moved, player.snapshot(frames[1])
         count *= 2
 
 

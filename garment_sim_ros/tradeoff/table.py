@@ -16,7 +16,7 @@ from garment_sim_ros.version import VERSION
 
 FIRST = ("scene", "colliders", "solver", "sub_steps", "passes", "setting", "faults")
 FIGURES = (
-    *("trajectory_mm", "static_mm", "pierced", "inside", "penetration_mm", "gap_mm"),
+    *("trajectory_mm", "doubt_mm", "static_mm", "pierced", "inside", "penetration_mm", "gap_mm"),
     *("strain_p95", "strain_max", "rest_speed_mm_s", "dropped", "mended"),
     *("hot_ms", "hot_ms_p95", "hot_spread", "paced_ms", "paced_ms_p95", "paced_wall_ms"),
     *("compile_s", "refused"),
@@ -108,6 +108,7 @@ def markdown(rows: Sequence[Row], best: Sequence[Row]) -> str:
     """The main figures as a table; settings on a front are bold."""
     shown = {
         "trajectory_mm": "trajectory, mm",
+        "doubt_mm": "reference, mm",
         "static_mm": "static, mm",
         "strain_p95": "strain p95",
         "pierced": "pierced",
