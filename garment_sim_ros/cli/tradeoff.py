@@ -94,11 +94,11 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _doubt(told: dict[str, Any]) -> float | None:
-    """RMS, over the segments, of what the last doubling changed in a reference [mm]."""
-    changes = told["changes_mm"]
-    if None in changes:
+    """RMS, over the segments, of the last doubling's change or of chaos, what is more [mm]."""
+    if None in told["changes_mm"]:
         return None
-    mean = sum(change**2 for change in changes) / len(changes)
+    pairs = list(zip(told["changes_mm"], told["chaos_mm"]))
+    mean = sum(max(pair) ** 2 for pair in pairs) / len(pairs)
     return float(f"{math.sqrt(mean):.3g}")
 
 

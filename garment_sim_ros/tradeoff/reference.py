@@ -24,6 +24,8 @@ CHANGE = 0.1
 """It is converged where twice as many sub-steps change it by less than this [mm]."""
 _FIRST, MOST = 60, 960
 """Sub-steps of the first try, and most of them, in 1/60 s."""
+SHAKEN = 1e-6
+"""RMS of what the starts are off by, in each direction, to see how chaotic a segment is [m]."""
 _DEFAULT = 18
 _REST, _ROUNDS = 0.5, 8
 """The rest shape is then refined in at most so many rounds of so long [s]."""
@@ -38,6 +40,7 @@ class Reference:
         paths: World positions by name [m], the start and after each frame, shape [f + 1, v, 3].
         sub_steps: Of each segment, in a frame.
         changes: By how much the last doubling changed each segment [mm].
+        chaos: By how much each segment changes where its start is off by `SHAKEN` [mm].
         rest: Positions at rest by name [m], shape [v, 3].
         rest_moved: How far that shape still moved in its last half second [mm].
         rest_speed: RMS speed there [mm/s].
@@ -48,6 +51,7 @@ class Reference:
     paths: dict[str, SingleArray]
     sub_steps: tuple[int, ...]
     changes: tuple[float, ...]
+    chaos: tuple[float, ...]
     rest: dict[str, SingleArray]
     rest_moved: float
     rest_speed: float
@@ -64,6 +68,7 @@ class Reference:
             "converged": self.converged,
             "sub_steps": list(self.sub_steps),
             "changes_mm": [round(c, 4) if np.isfinite(c) else None for c in self.changes],
+            "chaos_mm": [round(c, 4) for c in self.chaos],
             "rest_moved_mm": round(self.rest_moved, 4),
             "rest_speed_mm_s": round(self.rest_speed, 3),
             "pierced": round(self.pierced, 4),
@@ -77,6 +82,7 @@ class Reference:
             "frames": np.array([s.frame for s in self.starts]),
             "sub_steps": np.array(self.sub_steps),
             "changes": np.array(self.changes),
+            "chaos": np.array(self.chaos),
             "numbers": np.array([self.rest_moved, self.rest_speed, self.pierced]),
         }
         for n in names:
@@ -110,6 +116,7 @@ class Reference:
                     rest=dict(zip(names, rows["rest"])),
                     sub_steps=tuple(held["sub_steps"].tolist()),
                     changes=tuple(held["changes"].tolist()),
+                    chaos=tuple(held["chaos"].tolist()),
                     rest_moved=moved,
                     rest_speed=speed,
                     pierced=through,
@@ -137,7 +144,7 @@ def reference(staged: Staged, most: int = MOST, change: float = CHANGE) -> Refer
     player = _player(staged, round(_DEFAULT * per))
     player.put_on(settle=True)
     at = player.snapshot(0)
-    starts, parts, counts, changes = [], [], [], []
+    starts, parts, counts, changes, chaos = [], [], [], [], []
     for first, last in segments(staged):
         starts.append(at)
         path, count, moved, at = _converged(
@@ -147,6 +154,7 @@ def reference(staged: Staged, most: int = MOST, change: float = CHANGE) -> Refer
             (round(_FIRST * per), most * per),
             change,
         )
+        chaos.append(_chaos(_player(staged, count), starts[-1], (first, last), path))
         parts.append({name: x[:-1] if last < staged.frames else x for name, x in path.items()})
         counts.append(count)
         changes.append(moved)
@@ -157,6 +165,7 @@ def reference(staged: Staged, most: int = MOST, change: float = CHANGE) -> Refer
         paths=paths,
         sub_steps=tuple(counts),
         changes=tuple(changes),
+        chaos=tuple(chaos),
         rest=rest,
         rest_moved=rest_moved,
         rest_speed=speed,
@@ -195,6 +204,20 @@ def _converged(
             return best
         path = finer
         count *= 2
+
+
+def _chaos(
+    player: Player, at: Snapshot, frames: tuple[int, int], path: dict[str, SingleArray]
+) -> float:
+    """How far a segment ends up from its path [mm] when its start is a little off."""
+    rng = np.random.default_rng(0)
+    x = {
+        name: (x + SHAKEN * rng.standard_normal(x.shape)).astype(np.float32)
+        for name, x in at.x.items()
+    }
+    player.put_on(settle=False)
+    player.begin(Snapshot(frame=at.frame, x=x, v=at.v))
+    return distance_mm(player.play(*frames).paths, path)
 
 
 def _rest(

@@ -105,6 +105,7 @@ class TestReference:
         staged, made = hung
         assert made.converged
         assert max(made.changes) < 0.1
+        assert max(made.chaos) < 0.1
         assert made.rest_moved < 0.1
         finer = Player(staged, replace(XPBD, sub_steps=480).arguments(1 / 60))
         finer.put_on(settle=False)
@@ -124,6 +125,12 @@ class TestReference:
         made = reference(small(pins="top corners"), most=120, change=1e-6)
         assert not made.converged
         assert made.told()["converged"] is False
+
+    def test_a_sheet_that_may_fall_to_any_side_is_told_to_be_chaotic(self):
+        """It stands on its edge, upright on the top of a ball."""
+        edge = small(BALL, upright=True, at=(0.0, 0.0, 0.1 + 0.5 * SIDE + 0.003))
+        made = reference(edge, most=60)
+        assert max(made.chaos) > 1.0
 
     def test_a_file_gives_it_back_and_a_damaged_one_nothing(self, hung, tmp_path):
         made = hung[1]
