@@ -19,6 +19,7 @@ COMMANDS = {
     "fit": "fit colliders to a body",
     "info": "tell what would be modelled for an avatar and its outfit, and why",
     "stability": "drive the solvers to extremes and tell where they hold",
+    "tradeoff": "measure speed against accuracy, setting by setting",
 }
 """Each is a module beside this one with `EXAMPLE`, `add_arguments(parser)`, and `run(args)`, which
 returns what `--json` prints. Only the one that is called is loaded."""

@@ -1,0 +1,195 @@
+"""`tradeoff`: measures what accuracy costs, setting by setting."""
+
+import argparse
+import contextlib
+import json
+import math
+import multiprocessing
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import astuple
+from pathlib import Path
+from typing import Any
+
+from garment_sim_ros.cli.progress import progress
+from garment_sim_ros.cli.staging import staged
+from garment_sim_ros.collider_params import HULLS, METHODS
+from garment_sim_ros.errors import InputFileError, ParameterError
+from garment_sim_ros.sim.solvers import SOLVERS
+from garment_sim_ros.tradeoff.plots import draw
+from garment_sim_ros.tradeoff.points import Point, grid
+from garment_sim_ros.tradeoff.runner import measured, referenced
+from garment_sim_ros.tradeoff.scenes import PLAIN, SCENES, scene_named
+from garment_sim_ros.tradeoff.table import Kept, Row, machine, markdown, on_fronts, write_csv
+from garment_sim_ros.version import VERSION
+
+EXAMPLE = "garment-sim tradeoff drape hung walk --out out/tradeoff"
+_COST, _ERROR = "hot_ms", "trajectory_mm"
+
+Task = tuple[Callable[..., Row], tuple[Any, ...]]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    add = parser.add_argument
+    add("scene", metavar="SCENE", nargs="*", help="drape, hung, walk ...; all: every one")
+    add("--out", metavar="DIR", type=Path, help="tradeoff.csv, .json, .md, and the fronts")
+    add("--solver", choices=tuple(SOLVERS), action="append", help="only this one; may be repeated")
+    add("--colliders", choices=METHODS, action="append", help="hulls if none; may be repeated")
+    add("--sub-steps", type=_count, nargs="+", default=[], help="in a frame, of every solver")
+    add("--passes", type=_count, nargs="+", default=[], help="sweeps or iterations in each")
+    add("--seconds", type=float, default=0.0, help="of each motion at most; 0: all")
+    add("--repeats", type=_count, default=3, help="how often each motion is timed")
+    add("--jobs", type=_count, default=1, help="processes; times hold with 1 alone")
+    add("--list", action="store_true", help="name the scenes and run none")
+
+
+def _count(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise ValueError(text)
+    return value
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Measure what is missing, tell all."""
+    if args.list:
+        for name, scene in SCENES.items():
+            print(f"{name}: {scene.text}" + (scene.absent and f" ({scene.absent})"))
+        return {"scenes": list(SCENES)}
+    if args.out is None:
+        raise ParameterError("--out", "not given", "needed: a folder to write into")
+    scenes, skipped = _scenes(args.scene)
+    with _made(args.out):
+        kept = Kept(args.out / "rows.jsonl")
+    told = _references(args, scenes, kept)
+    doubt = {name: _doubt(of) for name, of in told.items()}
+    rows = [
+        row | {"doubt_mm": doubt[f"{row['scene']}, {row['colliders']}"]}
+        for row in _rows(args, scenes, kept)
+    ]
+    best = on_fronts(rows, _COST, _ERROR)
+    result = {
+        "machine": machine(args.jobs),
+        "skipped": skipped,
+        "references": told,
+        "front": [_name(row) for row in best],
+        "rows": rows,
+    }
+    with staged(args.out) as stage:
+        (stage / "tradeoff.json").write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
+        (stage / "tradeoff.md").write_text(markdown(rows, best))
+        write_csv(rows, stage / "tradeoff.csv")
+        for scene, kind in dict.fromkeys((row["scene"], row["colliders"]) for row in rows):
+            of = [r for r in rows if (r["scene"], r["colliders"]) == (scene, kind)]
+            draw(of, f"{scene}_{kind}", stage, cost=_COST, error=_ERROR)
+    print(markdown(rows, best), end="")
+    for name, why in skipped.items():
+        print(f"skipped: {name}: {why}", file=sys.stderr)
+    for name, told_of in told.items():
+        if not told_of["converged"]:
+            print(f"reference not converged: {name}: {told_of['changes_mm']} mm", file=sys.stderr)
+    return result | {"out": str(args.out)}
+
+
+def _doubt(told: dict[str, Any]) -> float | None:
+    """RMS, over the segments, of the last doubling's change or of chaos, what is more [mm]."""
+    if None in told["changes_mm"]:
+        return None
+    pairs = list(zip(told["changes_mm"], told["chaos_mm"]))
+    mean = sum(max(pair) ** 2 for pair in pairs) / len(pairs)
+    return float(f"{math.sqrt(mean):.3g}")
+
+
+def _name(row: Row) -> str:
+    return f"{row['scene']}, {row['colliders']}: {row['setting']}"
+
+
+def _scenes(asked: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """Names of the scenes to run, and why others are not."""
+    names = list(SCENES) if "all" in asked else list(dict.fromkeys(asked))
+    if not names:
+        raise ParameterError("SCENE", "none given", f"allowed: all, {', '.join(SCENES)}")
+    for name in names:
+        if name not in SCENES:
+            scene_named(name)
+    absent = {name: SCENES[name].absent for name in names if SCENES[name].absent}
+    return [name for name in names if name not in absent], absent
+
+
+def _kinds(args: argparse.Namespace, scene: str) -> list[str]:
+    return (args.colliders or [HULLS]) if SCENES[scene].body else [PLAIN]
+
+
+def _file(args: argparse.Namespace, scene: str, kind: str) -> Path:
+    name = f"reference_{scene}_{kind}" + (f"_{args.seconds:g}s" if args.seconds else "")
+    return Path(args.out) / f"{name}.npz"
+
+
+def _references(
+    args: argparse.Namespace, scenes: Sequence[str], kept: Kept
+) -> dict[str, dict[str, Any]]:
+    """Make the references that are missing; what is to be told of all."""
+    pairs = [(scene, kind) for scene in scenes for kind in _kinds(args, scene)]
+    tasks: dict[str, Task] = {}
+    for scene, kind in pairs:
+        file = _file(args, scene, kind)
+        tasks[f"{VERSION} {file.name}"] = referenced, (scene, kind, args.seconds, file)
+    # Its file, too, must be there.
+    tasks = {k: t for k, t in tasks.items() if kept.get(k) is None or not t[1][-1].exists()}
+    for key, row in _done(tasks, args.jobs, "references"):
+        kept.put(key, row)
+    found = {}
+    for scene, kind in pairs:
+        told = kept.get(f"{VERSION} {_file(args, scene, kind).name}")
+        assert told is not None
+        found[f"{scene}, {kind}"] = told
+    return found
+
+
+def _rows(args: argparse.Namespace, scenes: Sequence[str], kept: Kept) -> list[Row]:
+    """Measure the rows that are missing; all that were asked for."""
+    tasks: dict[str, Task] = {}
+    for scene in scenes:
+        solvers = args.solver or list(SOLVERS)
+        for point in grid(_kinds(args, scene), solvers, args.sub_steps, args.passes):
+            file = _file(args, scene, point.kind)
+            asked = (scene, point, args.seconds, args.repeats, file)
+            tasks[_key(scene, point, args)] = measured, asked
+    missing = {key: task for key, task in tasks.items() if kept.get(key) is None}
+    for key, row in _done(missing, args.jobs, "settings"):
+        kept.put(key, row)
+    return [row for row in map(kept.get, tasks) if row is not None]
+
+
+def _key(scene: str, point: Point, args: argparse.Namespace) -> str:
+    """What makes two rows the same."""
+    asked = (VERSION, scene, *astuple(point), args.seconds, args.repeats, args.jobs)
+    return " ".join(map(str, asked))
+
+
+def _done(tasks: dict[str, Task], jobs: int, text: str) -> Iterator[tuple[str, Row]]:
+    """Results as they come."""
+    if jobs == 1 or len(tasks) < 2:
+        for key, (call, asked) in progress(tasks.items(), text, len(tasks)):
+            yield key, call(*asked)
+        return
+    # Fresh processes: kernels and threads do not survive a fork.
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=spawn) as pool:
+        running = {pool.submit(call, *asked): key for key, (call, asked) in tasks.items()}
+        for future in progress(as_completed(running), text, len(tasks)):
+            yield running[future], future.result()
+
+
+@contextlib.contextmanager
+def _made(folder: Path) -> Iterator[None]:
+    """The folder is there, or the error says why not."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        raise InputFileError(
+            f"--out {folder}", error.strerror or str(error), "allowed: a folder to write into"
+        ) from None

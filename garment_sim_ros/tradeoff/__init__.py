@@ -1,0 +1,1 @@
+"""Speed against accuracy: scenes, a converged reference, metrics, the grid and its front."""

@@ -1,0 +1,165 @@
+"""One setting in one scene: validity first, then cost and accuracy."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from garment_sim_ros.errors import GarmentSimError
+from garment_sim_ros.tradeoff.metrics import (
+    distance_mm,
+    is_finite,
+    rest_speed_mm_s,
+    worn_figures,
+)
+from garment_sim_ros.tradeoff.playing import Played, Player
+from garment_sim_ros.tradeoff.points import Point
+from garment_sim_ros.tradeoff.reference import Reference, reference, segments
+from garment_sim_ros.tradeoff.scenes import Staged, staged_scene
+
+REST = 2.0
+"""RMS speed above which garments are not at rest [mm/s]; or twice that of the reference."""
+_LOOSE = 0.5
+"""Contacts that are dropped count after so long [s]."""
+_STATIC = 2.0
+"""How long what the reference rests as is left alone [s]."""
+
+Row = dict[str, Any]
+
+
+def referenced(scene: str, kind: str, seconds: float, file: Path) -> Row:
+    """Find or make the reference of a scene; what is reported of it."""
+    found = Reference.load(file)
+    if found is None:
+        found = reference(staged_scene(scene, kind, seconds))
+        found.save(file)
+    return found.told()
+
+
+def measured(scene: str, point: Point, seconds: float, repeats: int, file: Path) -> Row:
+    """One row of the table, from the reference in a file."""
+    row = {
+        "scene": scene,
+        "colliders": point.kind,
+        "solver": point.solver,
+        "sub_steps": point.sub_steps,
+        "passes": point.passes,
+        "setting": point.name,
+    }
+    against = Reference.load(file)
+    if against is None:
+        return row | {"faults": ["no reference"]}
+    staged = staged_scene(scene, point.kind, seconds)
+    try:
+        return row | measure(staged, point, against, repeats)
+    except GarmentSimError as error:
+        return row | {"faults": ["refused"], "refused": " ".join(str(error).split())}
+
+
+def measure(staged: Staged, point: Point, against: Reference, repeats: int = 3) -> Row:
+    """Faults, costs and errors of a setting.
+
+    Args:
+        staged: The scene.
+        point: The setting.
+        against: The scene's reference, with the same colliders.
+        repeats: How often the motion is run to take its time.
+
+    Raises:
+        GarmentSimError: It cannot be simulated.
+    """
+    player = Player(staged, point.arguments(staged.scene.frame))
+    compile_s = _first_use(player, against)
+    runs = []
+    for _ in range(repeats):
+        player.put_on(settle=False)
+        player.begin(against.starts[0])
+        runs.append(player.play(0, staged.frames))
+    end, played = staged.frames, runs[-1]
+    held = player.play(end, end + staged.still_frames)
+    mended = player.mended
+    faults, figures = _judged(staged, against, (played, held), mended)
+    figures |= {"compile_s": round(compile_s, 3), **_hot(runs)}
+    if "not finite" not in faults:
+        figures |= _errors(player, against)
+    return {"faults": faults, **{name: _plain(value) for name, value in figures.items()}}
+
+
+def _first_use(player: Player, against: Reference) -> float:
+    """How much longer the first two frames took than the next time [s]: compiling, loading."""
+    took = []
+    for _ in range(2):
+        began = time.perf_counter()
+        player.put_on(settle=False)
+        player.begin(against.starts[0])
+        player.play(0, min(2, player.staged.frames))
+        took.append(time.perf_counter() - began)
+    return max(0.0, took[0] - took[1])
+
+
+def _judged(
+    staged: Staged, against: Reference, runs: tuple[Played, Played], mended: int
+) -> tuple[list[str], Row]:
+    """Faults, and what they were found by."""
+    played, held = runs
+    if not (is_finite(played.paths) and is_finite(held.paths)):
+        return ["not finite"], {}
+    figures: Row = worn_figures(staged, played.paths)
+    figures["rest_speed_mm_s"] = rest_speed_mm_s(held.paths, staged.scene.frame)
+    loose = [*played.let_go, *held.let_go][round(_LOOSE / staged.scene.frame) :]
+    figures["dropped"] = max(loose)
+    figures["mended"] = mended
+    found = {
+        "pierced": figures["pierced"] > against.pierced,
+        "not at rest": figures["rest_speed_mm_s"] > max(REST, 2.0 * against.rest_speed),
+        "dropped contacts": figures["dropped"] > 0,
+        "put right": mended > 0,
+    }
+    return [fault for fault, there in found.items() if there], figures
+
+
+def _hot(runs: list[Played]) -> Row:
+    """Processor time of frames one after the other."""
+    each = [1e3 * float(np.median(run.processor)) for run in runs]
+    every = 1e3 * np.concatenate([run.processor for run in runs])
+    return {
+        "hot_ms": float(np.median(each)),
+        "hot_ms_p95": float(np.percentile(every, 95.0)),
+        "hot_spread": (max(each) - min(each)) / float(np.median(each)),
+    }
+
+
+def _errors(player: Player, against: Reference) -> Row:
+    """Errors against the reference; the same frames are paced, and their time is taken."""
+    staged, processor, wall, parts = player.staged, [], [], []
+    for start, (first, last) in zip(against.starts, segments(staged)):
+        player.begin(start)
+        played = player.play(first, last, paced=True)
+        processor += played.processor
+        wall += played.wall
+        whole = {name: x[first : last + 1] for name, x in against.paths.items()}
+        parts.append((distance_mm(played.paths, whole), last - first))
+    squares = [error**2 * frames for error, frames in parts]
+    end = staged.frames
+    still = player.snapshot(end)
+    for name, x in against.rest.items():
+        still.x[name][:] = x
+        still.v[name][:] = 0.0
+    player.begin(still)
+    alone = player.play(end, end + max(12, round(_STATIC / staged.scene.frame)))
+    last_shape = {name: x[-1] for name, x in alone.paths.items()}
+    return {
+        "trajectory_mm": float(np.sqrt(sum(squares) / sum(n for _, n in parts))),
+        "static_mm": distance_mm(last_shape, against.rest),
+        "paced_ms": 1e3 * float(np.median(processor)),
+        "paced_ms_p95": 1e3 * float(np.percentile(processor, 95.0)),
+        "paced_wall_ms": 1e3 * float(np.median(wall)),
+    }
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON and CSV have it: four figures, none that is not finite."""
+    if isinstance(value, float):
+        return float(f"{value:.4g}") if np.isfinite(value) else None
+    return value

@@ -1,0 +1,128 @@
+"""Rows of measurements: kept as they come, told as CSV and JSON with what they were taken on."""
+
+import csv
+import json
+import os
+import platform
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+
+from garment_sim_ros.tradeoff.front import front
+from garment_sim_ros.version import VERSION
+
+FIRST = ("scene", "colliders", "solver", "sub_steps", "passes", "setting", "faults")
+FIGURES = (
+    *("trajectory_mm", "doubt_mm", "static_mm", "pierced", "inside", "penetration_mm", "gap_mm"),
+    *("strain_p95", "strain_max", "rest_speed_mm_s", "dropped", "mended"),
+    *("hot_ms", "hot_ms_p95", "hot_spread", "paced_ms", "paced_ms_p95", "paced_wall_ms"),
+    *("compile_s", "refused"),
+)
+Row = dict[str, Any]
+
+
+def machine(jobs: int) -> dict[str, Any]:
+    """What the figures were taken with and on."""
+    return {
+        "garment_sim_ros": VERSION,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "numba": numba.__version__,
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "threads": numba.get_num_threads(),
+        "jobs": jobs,
+        "system": f"{platform.system()} {platform.release()}",
+    }
+
+
+def _processor() -> str:
+    """Its name as Linux has it, or what Python knows."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+class Kept:
+    """Rows in a file, one line each, so that a run that was stopped goes on where it was.
+
+    Args:
+        file: The file; a last line that was not finished counts for nothing.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self._rows: dict[str, Row] = {}
+        text = file.read_text() if file.exists() else ""
+        for line in text.splitlines():
+            try:
+                kept = json.loads(line)
+                self._rows[kept["key"]] = kept["row"]
+            except (ValueError, KeyError, TypeError):
+                continue
+        if text and not text.endswith("\n"):
+            with file.open("a") as out:
+                out.write("\n")
+
+    def get(self, key: str) -> Row | None:
+        """The row of a key; None where it is not known."""
+        return self._rows.get(key)
+
+    def put(self, key: str, row: Row) -> None:
+        """Keep a row."""
+        self._rows[key] = row
+        with self._file.open("a") as out:
+            out.write(json.dumps({"key": key, "row": row}) + "\n")
+
+
+def on_fronts(rows: Sequence[Row], cost: str, error: str) -> list[Row]:
+    """The rows on the front of their scene and colliders; failures are on none."""
+    found: list[Row] = []
+    for of in dict.fromkeys((row["scene"], row["colliders"]) for row in rows):
+        valid = [r for r in rows if (r["scene"], r["colliders"]) == of and not r["faults"]]
+        found += [valid[k] for k in front(*(_numbers(valid, key) for key in (cost, error)))]
+    return found
+
+
+def _numbers(rows: Sequence[Row], key: str) -> list[float]:
+    return [np.inf if row.get(key) is None else row[key] for row in rows]
+
+
+def write_csv(rows: Sequence[Row], file: Path) -> None:
+    """All rows; faults are separated by semicolons."""
+    with file.open("w", newline="") as out:
+        writer = csv.DictWriter(out, (*FIRST, *FIGURES))
+        writer.writeheader()
+        for row in rows:
+            told = {name: row.get(name) for name in (*FIRST, *FIGURES)}
+            writer.writerow(told | {"faults": "; ".join(row["faults"])})
+
+
+def markdown(rows: Sequence[Row], best: Sequence[Row]) -> str:
+    """The main figures as a table; settings on a front are bold."""
+    shown = {
+        "trajectory_mm": "trajectory, mm",
+        "doubt_mm": "reference, mm",
+        "static_mm": "static, mm",
+        "strain_p95": "strain p95",
+        "pierced": "pierced",
+        "rest_speed_mm_s": "rest, mm/s",
+        "hot_ms": "hot, ms",
+        "paced_ms": "paced, ms",
+    }
+    lines = [
+        "| scene | colliders | setting | " + " | ".join(shown.values()) + " | faults |",
+        "|---" * (len(shown) + 4) + "|",
+    ]
+    for row in rows:
+        name = f"**{row['setting']}**" if row in best else row["setting"]
+        cells = ["-" if row.get(key) is None else f"{row[key]:.3g}" for key in shown]
+        first = [row["scene"], row["colliders"], name]
+        lines.append("| " + " | ".join([*first, *cells, ", ".join(row["faults"])]) + " |")
+    return "\n".join(lines) + "\n"
