@@ -67,6 +67,13 @@ def test_fast_takes_longer_sub_steps_than_balanced_and_accurate_shorter_ones():
     assert step["fast"] > step["balanced"] > step["accurate"]
 
 
+@pytest.mark.parametrize("name", PRESETS)
+def test_figures_are_in_the_head(name):
+    head = [line for line in preset_file(name).read_text().splitlines() if line[:3] == "#: "]
+    assert head[0].startswith("#: python bench/presets.py")
+    assert any("walk: " in line and "pierced 0.0 %" in line for line in head)
+
+
 def test_single_values_and_groups_win_in_python():
     fast = preset_values("fast", "cloth_node")
     assert simulation(preset="fast").parameters.settings.sub_step == fast["sub_step"]
