@@ -29,9 +29,7 @@ def values(probe, node, *names):
     return {name: getattr(v, of[v.type]) for name, v in zip(names, found)}
 
 
-def test_a_node_runs_its_preset_and_single_values_win(
-    start_node, make_probe, until, tmp_path
-):
+def test_a_node_runs_its_preset_and_single_values_win(start_node, make_probe, until, tmp_path):
     outfit = tmp_path / "outfit.yaml"
     outfit.write_text(OUTFIT)
     namespace = "/cloth_preset"
@@ -45,7 +43,7 @@ def test_a_node_runs_its_preset_and_single_values_win(
     assert values(probe, "cloth_node", *asked) == asked
     probe.publish(COLLIDER_DESCRIPTION, Avatar().description)
     # What the simulation itself runs, not what was declared.
-    steps = f"xpbd, steps of {1e3 * FAST['solver_step']:.1f} ms"
+    steps = f"xpbd, steps of {1e3 * FAST['solver_step']:.3f} ms"
     until(lambda: steps in node.output, f"the garments are made: {steps}")
     assert "does nothing" not in node.output
     node.send(signal.SIGTERM)
