@@ -46,6 +46,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", sorted(glob("config/*.*"))),
+        (f"share/{NAME}/config/presets", sorted(glob("config/presets/*.yaml"))),
         (f"share/{NAME}/launch", sorted(glob("launch/*.py"))),
     ],
     zip_safe=False,

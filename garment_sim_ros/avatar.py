@@ -29,6 +29,7 @@ from garment_sim_ros.mocap.clip_poses import retargeter
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import ClipSampler
 from garment_sim_ros.params import ColliderOptions, Material, declarations, validated
+from garment_sim_ros.presets import collider_options
 
 _MESHES = (".obj", ".ply", ".glb", ".gltf")
 _OF_NAMES = re.compile(r"[^a-z0-9_]+")
@@ -63,6 +64,7 @@ class Avatar:
         colliders: str | Path | ColliderSet | None = None,
         bone_names: Mapping[str, str | None] | None = None,
         cache: bool = True,
+        preset: str | None = None,
         **options: Any,
     ) -> "Avatar":
         """A body with colliders fitted to it.
@@ -74,14 +76,15 @@ class Avatar:
             bone_names: Humanoid bone to joint name, where names of joints do not tell.
             cache: Whether to keep the fit, beside the body's file or in the user's cache folder,
                 and to use one that was kept.
+            preset: Name of a preset, see `presets`, for what `options` do not say.
             options: How to fit, see `params.ColliderOptions`, as ``method="capsules"``.
 
         Raises:
             InputFileError: A file cannot be used.
             GeometryError: The body cannot be fitted.
-            ParameterError: An unknown option, or a value that is not allowed.
+            ParameterError: An unknown option or preset, or a value that is not allowed.
         """
-        how = validated(ColliderOptions, options)
+        how = validated(ColliderOptions, {**collider_options(preset), **options})
         body = load_body(source, humanoid_overrides=bone_names)
         if isinstance(colliders, ColliderSet):
             return cls(body, colliders)

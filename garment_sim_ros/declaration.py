@@ -24,6 +24,7 @@ _LONGEST_NUMBER = 64
 _LONGEST_SHOWN = 80
 _LONGEST_NAME = 60
 _NO_ALIASES: Mapping[str, str] = MappingProxyType({})
+_NO_VALUES: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -232,17 +233,19 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return alike[0] if alike else ""
 
 
-def idle(group: Any) -> list[str]:
+def idle(group: Any, usual: Mapping[str, Any] = _NO_VALUES) -> list[str]:
     """What was set in a group and does nothing, a sentence each, with what would make it act.
 
     Args:
         group: An instance of a parameter group.
+        usual: What stands in place of defaults, by name.
     """
     return [
         f"{d.name}: found {shown(getattr(group, d.name))}, which does nothing; "
         f"it acts with {d.acts_with}"
         for d in declarations(type(group)).values()
-        if getattr(group, d.name) != d.default and not all(n.met(group) for n in d.needs)
+        if getattr(group, d.name) not in (d.default, usual.get(d.name, d.default))
+        and not all(n.met(group) for n in d.needs)
     ]
 
 

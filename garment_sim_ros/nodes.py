@@ -88,6 +88,7 @@ class NodeCard:
         """A parameter file with every default; of the solvers' only those of the default one."""
         lines = [
             f"# Parameters of {self.name}, all at their defaults.",
+            "# What stands here wins over a preset: keep the lines that you change.",
             "/**:",
             "  ros__parameters:",
         ]

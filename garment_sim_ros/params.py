@@ -14,6 +14,9 @@ from garment_sim_ros.declaration import validated as validated
 from garment_sim_ros.solver_params import ImplicitSettings as ImplicitSettings
 from garment_sim_ros.solver_params import XpbdSettings as XpbdSettings
 
+PRESETS = ("fast", "balanced", "accurate")
+"""Names of sets of parameters; each has a file in ``config/presets``, see `presets`."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Material:
@@ -171,6 +174,11 @@ class RelaxationSettings:
 class LifecycleParameters:
     """Parameters of every node."""
 
+    preset: str = parameter(
+        "balanced",
+        "Set of parameters in place of the defaults; single parameters given beside it win.",
+        choices=PRESETS,
+    )
     autostart: bool = parameter(
         True, "Configure and activate at the start, without a lifecycle manager."
     )
@@ -237,7 +245,7 @@ class _Avatar:
     )
     outfit: str = parameter(
         "",
-        "Outfit file from which collider options are taken; empty: the parameters of this node.",
+        "Outfit file; what it says of colliders wins over the parameters of this node.",
     )
 
 

@@ -4,8 +4,6 @@ Example:
     ros2 launch garment_sim_ros garment_sim.launch.py namespace:=avatar clip:=dance.bvh
 """
 
-from pathlib import Path
-
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
@@ -14,8 +12,6 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchContext, LaunchDescription
-
-CONFIG = Path(__file__).resolve().parents[1] / "config"
 
 ROOT = "world"
 
@@ -27,6 +23,8 @@ ARGUMENTS = {
         "BVH file or rosbag2, or 'walk'; empty: no player, joint_states come from elsewhere.",
     ),
     "outfit": ("", "Outfit file; empty: a T-shirt and a short skirt."),
+    "preset": ("balanced", "fast, balanced or accurate."),
+    "set": ("", "NODE.PARAM=VALUE, several with ; between: these win over the preset."),
     "use_sim_time": ("false", "Follow /clock."),
     "publish_clock": ("false", "The player is the clock that the other nodes follow."),
     "robot_state_publisher": ("true", "Start robot_state_publisher where it is installed."),
@@ -46,10 +44,34 @@ def flag(*names: str) -> ParameterValue:
     return ParameterValue(either, value_type=bool)
 
 
+def given_in(context: LaunchContext) -> dict[str, dict[str, object]]:
+    """By node: what the launch arguments `preset` and `set` say."""
+    from garment_sim_ros.presets import chosen
+
+    words = LaunchConfiguration("set").perform(context).split(";")
+    choice = chosen(
+        LaunchConfiguration("preset").perform(context),
+        [word for word in words if word.strip()],
+        option="set",
+    )
+
+    def typed(value: object) -> object:
+        # Text is not to be taken for a number.
+        return ParameterValue(value, value_type=str) if isinstance(value, str) else value
+
+    return {
+        name: {key: typed(value) for key, value in choice.given(name).items()}
+        for name in ("mocap_player", "collider_node", "cloth_node")
+    }
+
+
 def node(
-    executable: str, condition: IfCondition | None = None, **parameters: ParameterValue
+    executable: str,
+    given: dict[str, object],
+    condition: IfCondition | None = None,
+    **parameters: ParameterValue,
 ) -> Node:
-    """One of this package's nodes, with its file of parameters and what differs from it."""
+    """One of this package's nodes, with its parameters and those given beside, which win."""
     return Node(
         package="garment_sim_ros",
         executable=executable,
@@ -57,7 +79,7 @@ def node(
         namespace=LaunchConfiguration("namespace"),
         output="screen",
         condition=condition,
-        parameters=[str(CONFIG / f"{executable}.yaml"), parameters],
+        parameters=[parameters, given],
     )
 
 
@@ -109,6 +131,35 @@ def joint_frames(context: LaunchContext) -> list[Node]:
     ]
 
 
+def nodes(context: LaunchContext) -> list[Node]:
+    """The nodes of one avatar."""
+    given = given_in(context)
+    return [
+        node(
+            "mocap_player",
+            given["mocap_player"],
+            IfCondition(NotEqualsSubstitution(LaunchConfiguration("clip"), "")),
+            clip=text("clip"),
+            use_sim_time=flag("use_sim_time"),
+            publish_clock=flag("publish_clock"),
+        ),
+        node(
+            "collider_node",
+            given["collider_node"],
+            body=text("body"),
+            outfit=text("outfit"),
+            use_sim_time=flag("use_sim_time", "publish_clock"),
+        ),
+        node(
+            "cloth_node",
+            given["cloth_node"],
+            body=text("body"),
+            outfit=text("outfit"),
+            use_sim_time=flag("use_sim_time", "publish_clock"),
+        ),
+    ]
+
+
 def generate_launch_description() -> LaunchDescription:
     """What `ros2 launch` runs."""
     return LaunchDescription(
@@ -117,25 +168,7 @@ def generate_launch_description() -> LaunchDescription:
                 DeclareLaunchArgument(name, default_value=default, description=about)
                 for name, (default, about) in ARGUMENTS.items()
             ),
-            node(
-                "mocap_player",
-                IfCondition(NotEqualsSubstitution(LaunchConfiguration("clip"), "")),
-                clip=text("clip"),
-                use_sim_time=flag("use_sim_time"),
-                publish_clock=flag("publish_clock"),
-            ),
-            node(
-                "collider_node",
-                body=text("body"),
-                outfit=text("outfit"),
-                use_sim_time=flag("use_sim_time", "publish_clock"),
-            ),
-            node(
-                "cloth_node",
-                body=text("body"),
-                outfit=text("outfit"),
-                use_sim_time=flag("use_sim_time", "publish_clock"),
-            ),
+            OpaqueFunction(function=nodes),
             OpaqueFunction(
                 function=joint_frames,
                 condition=IfCondition(LaunchConfiguration("robot_state_publisher")),

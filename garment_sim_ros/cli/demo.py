@@ -4,10 +4,12 @@ import argparse
 import json
 import os
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from garment_sim_ros.cli.node_processes import NodeProcesses, own_network
+from garment_sim_ros.cli.preset_options import add_preset_options, choice_of
 from garment_sim_ros.cli.progress import Waiting, progress
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.errors import GarmentSimError, InputFileError, ParameterError
@@ -29,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--bone-names", metavar="F", default="", help="YAML file of the clip's bones")
     add("--clip", metavar="F", default="walk", help="BVH or rosbag2 (default: a built-in walk)")
     add("--outfit", metavar="F", default=OUTFIT, help=f"outfit YAML (default: {OUTFIT})")
+    add_preset_options(parser)
     add("--out", metavar="DIR", type=Path, default=Path("out/demo"), help="default: out/demo")
 
 
@@ -44,20 +47,22 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             raise InputFileError(
                 f"--{option.replace('_', '-')} {name}", "does not exist", "allowed: a file"
             )
+    nodes = _parameters(args)
     with staged(args.out) as stage:
-        first_cloth = _record(args, stage, began)
+        first_cloth = _record(nodes, args.seconds, stage, began)
         from garment_sim_ros.recording.evaluation import evaluate
 
         summary = evaluate(
             stage / "bag",
             args.body,
             args.outfit,
-            frame_rate=RATE,
+            frame_rate=nodes["cloth_node"]["rate"],
             pictures=stage,
             bone_names=args.body_bone_names,
             progress=progress,
         )
         summary["first_cloth_s"] = round(first_cloth, 2)
+        summary["preset"] = args.preset
         (stage / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
     print(_table(summary))
     if summary["pictures"] != "drawn":
@@ -66,16 +71,37 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     return summary
 
 
-def _record(args: argparse.Namespace, stage: Path, began: float) -> float:
+def _parameters(args: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """What each node is started with.
+
+    Raises:
+        ParameterError: `--preset` or `--set` has something that is not allowed.
+    """
+    choice = choice_of(args)
+    worn = {"body": args.body, "outfit": args.outfit, "body_bone_names": args.body_bone_names}
+    nodes = {
+        "cloth_node": {**worn, "rate": RATE},
+        "collider_node": {**worn, "bone_names": args.bone_names},
+        "mocap_player": {"clip": args.clip, "bone_names": args.bone_names, "loop": True},
+    }
+    for node, own in nodes.items():
+        for name in choice.single[node]:
+            if name in own and hasattr(args, name):
+                option = f"--{name.replace('_', '-')}"
+                raise ParameterError(
+                    f"--set {node}.{name}", "has an option of its own", f"allowed: {option}"
+                )
+    return {node: {**own, **choice.given(node)} for node, own in nodes.items()}
+
+
+def _record(
+    parameters: Mapping[str, Mapping[str, Any]], seconds: float, stage: Path, began: float
+) -> float:
     """Record the running nodes into ``bag``; returns when the first cloth came [s]."""
     os.environ.update(own_network())
     with NodeProcesses(stage / "logs") as nodes:
-        worn = {"body": args.body, "outfit": args.outfit}
-        worn["body_bone_names"] = args.body_bone_names
-        nodes.start("cloth_node", {**worn, "rate": RATE})
-        nodes.start("collider_node", {**worn, "bone_names": args.bone_names})
-        clip = {"clip": args.clip, "bone_names": args.bone_names}
-        nodes.start("mocap_player", {**clip, "loop": True})
+        for node, given in parameters.items():
+            nodes.start(node, given)
         try:
             # Only now, so that the nodes start while this loads.
             from garment_sim_ros.ros.recorder import Recorder
@@ -96,7 +122,7 @@ def _record(args: argparse.Namespace, stage: Path, began: float) -> float:
                         )
                     waiting.show(work or nodes.last_words("cloth_node"))
             first_cloth = time.monotonic() - began
-            for _ in progress(range(round(args.seconds / _WAIT)), "recording"):
+            for _ in progress(range(round(seconds / _WAIT)), "recording"):
                 time.sleep(_WAIT)
                 nodes.check()
         nodes.finish()

@@ -95,7 +95,8 @@ class NodeProcesses:
     def start(self, name: str, parameters: Mapping[str, Any]) -> None:
         """Start ``garment_sim_ros.ros.<name>`` with ROS parameters."""
         file = self._logs / f"{name}.yaml"
-        file.write_text(yaml.safe_dump({"/**": {"ros__parameters": dict(parameters)}}))
+        plain = {k: list(v) if isinstance(v, tuple) else v for k, v in parameters.items()}
+        file.write_text(yaml.safe_dump({"/**": {"ros__parameters": plain}}))
         command = [sys.executable, "-m", f"garment_sim_ros.ros.{name}"]
         with (self._logs / f"{name}.log").open("wb") as log, _interrupts_held():
             self._processes[name] = subprocess.Popen(

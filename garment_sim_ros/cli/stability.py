@@ -4,12 +4,15 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from garment_sim_ros.cli.preset_options import add_preset_options, choice_of
 from garment_sim_ros.cli.progress import progress
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.errors import ParameterError
+from garment_sim_ros.params import LifecycleParameters, declarations, validated
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.stability.cells import Cell, cells
 from garment_sim_ros.stability.judge import Outcome, judge
@@ -23,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--out", metavar="DIR", type=Path, required=True, help="stability.md, .json and .png")
     add("--solver", choices=tuple(SOLVERS), action="append", help="only this one; may be repeated")
+    add_preset_options(parser)
     add("--only", metavar="TEXT", default="", help="only cells with this in their name: 'wind'")
     add("--seed", type=int, default=1, help="of the cells that are drawn at random")
     add("--list", action="store_true", help="name the cells and run none")
@@ -36,13 +40,14 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if args.list:
         print("\n".join(cell.name + (cell.absent and f" ({cell.absent})") for cell in chosen))
         return {"cells": [cell.name for cell in chosen]}
-    solvers = args.solver or list(SOLVERS)
+    settings = _settings(args)
     with staged(args.out) as stage:
         rows = []
         for cell in progress(chosen, "cells", len(chosen)):
-            rows.append(_row(cell, solvers))
+            rows.append(_row(cell, settings))
         told: dict[str, Any] = {
             "cells": len(rows),
+            "preset": args.preset,
             "skipped": {f"{r.extreme}: {r.value}": r.skipped for r in rows if r.skipped},
             "held": held_by(rows),
             "outcomes": [
@@ -69,12 +74,36 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     return {key: told[key] for key in ("cells", "skipped", "held")} | {"out": str(args.out)}
 
 
-def _row(cell: Cell, solvers: list[str]) -> Row:
+def _settings(args: argparse.Namespace) -> dict[str, Any]:
+    """Settings by solver: of all, or of the one that the preset has.
+
+    Raises:
+        ParameterError: What the scenes themselves say, or one that does nothing here.
+    """
+    choice = choice_of(args)
+    group = SOLVERS[choice.solver].settings
+    usual = args.preset == LifecycleParameters().preset and not any(choice.single.values())
+    for node, single in choice.single.items():
+        allowed = ["solver", *declarations(group)] if node == "cloth_node" else []
+        for name in single:
+            if name not in allowed:
+                known = ", ".join(f"cloth_node.{n}" for n in ["solver", *declarations(group)])
+                raise ParameterError(
+                    f"--set {node}.{name}", "is what the scenes say", f"allowed: {known}"
+                )
+    solvers = args.solver or (list(SOLVERS) if usual else [choice.solver])
+    of_preset: Any = validated(group, choice.values("cloth_node", group))
+    return {
+        name: of_preset if name == choice.solver else SOLVERS[name].settings() for name in solvers
+    }
+
+
+def _row(cell: Cell, settings: Mapping[str, Any]) -> Row:
     """One cell with every solver."""
     outcomes, seconds = {}, {}
     scene = None if cell.absent else cell.scene()
-    for solver in solvers:
+    for solver, numbers in settings.items():
         began = time.perf_counter()
-        outcomes[solver] = judge(scene, solver) if scene else Outcome(skipped=cell.absent)
+        outcomes[solver] = judge(scene, solver, numbers) if scene else Outcome(skipped=cell.absent)
         seconds[solver] = time.perf_counter() - began
     return Row(extreme=cell.extreme, value=cell.value, outcomes=outcomes, seconds=seconds)

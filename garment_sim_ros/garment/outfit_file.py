@@ -110,6 +110,7 @@ class OutfitFile:
         garments: In the order of the file.
         colliders: What they are to lie on; `mu` with the thresholds of the garments, the smallest
             where several name a region.
+        said: Names of what the file itself says of colliders.
     """
 
     name: str
@@ -117,6 +118,13 @@ class OutfitFile:
     text: str
     garments: tuple[GarmentEntry, ...]
     colliders: ColliderOptions
+    said: tuple[str, ...] = ()
+
+    def colliders_on(self, usual: ColliderOptions) -> ColliderOptions:
+        """What they are to lie on, with other options where the file says nothing."""
+        said = {name: getattr(self.colliders, name) for name in self.said}
+        said.setdefault("mu", tightest([usual.mu, self.colliders.mu]))
+        return replace(usual, **said)
 
 
 def builtin_outfits() -> dict[str, str]:
@@ -187,6 +195,7 @@ def outfit_from(
         text=text,
         garments=garments,
         colliders=replace(colliders, mu=mu),
+        said=tuple(asked),
     )
 
 

@@ -194,10 +194,9 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         p = self.parameters
         if p.colliders:
             return load_colliders(p.colliders)
+        options = ColliderOptions(**{n: getattr(p, n) for n in declarations(ColliderOptions)})
         if p.outfit:
-            options = read_outfit(p.outfit).colliders
-        else:
-            options = ColliderOptions(**{n: getattr(p, n) for n in declarations(ColliderOptions)})
+            options = read_outfit(p.outfit).colliders_on(options)
         if not p.cache:
             return fit_colliders(body, options)
         return cached_fit(body, options, p.body or None, self.get_logger().info)

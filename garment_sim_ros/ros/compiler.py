@@ -11,6 +11,7 @@ import numpy as np
 from garment_sim_ros.colliders.fitting import METHODS
 from garment_sim_ros.errors import GarmentSimError
 from garment_sim_ros.garment.outfit_file import OutfitFile
+from garment_sim_ros.params import ColliderOptions
 from garment_sim_ros.sim.compile_ahead import compile_ahead
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.warm_up import Features, Scene, warm_up
@@ -85,13 +86,18 @@ class Compiler:
             self._thread.start()
 
 
-def expected_scene(file: OutfitFile) -> Scene:
+def expected_scene(file: OutfitFile, usual: ColliderOptions | None = None) -> Scene:
     """What an outfit tells of its scene before there are a body and colliders.
 
     It is what the scene comes to be on a body of common shape: then nothing is left to compile.
+
+    Args:
+        file: The outfit.
+        usual: Colliders where it says nothing of them; the defaults where None.
     """
+    colliders = file.colliders_on(usual or ColliderOptions())
     return Scene(
-        kinds=frozenset(METHODS[file.colliders.method].variants(file.colliders)),
+        kinds=frozenset(METHODS[colliders.method].variants(colliders)),
         garments=frozenset(
             Features(
                 # Where the file names none, they are most often in layers.

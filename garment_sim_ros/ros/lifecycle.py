@@ -3,7 +3,8 @@
 import dataclasses
 import gc
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
 from rcl_interfaces.msg import SetParametersResult
@@ -19,6 +20,7 @@ from rclpy.publisher import Publisher
 from garment_sim_ros.errors import GarmentSimError, MessageError, ParameterError
 from garment_sim_ros.nodes import NODES
 from garment_sim_ros.params import LifecycleParameters, idle
+from garment_sim_ros.presets import preset_values
 from garment_sim_ros.ros.diagnostics import Condition, Diagnostics, Rejections
 from garment_sim_ros.ros.inputs import Input, Inputs
 from garment_sim_ros.ros.interfaces import Topic, advertise, advertise_always
@@ -27,6 +29,7 @@ from garment_sim_ros.ros.rclpy_internals import (
     Taken,
     activate,
     given_names,
+    given_value,
     lifecycle_state,
 )
 from garment_sim_ros.ros.sources import Source
@@ -55,6 +58,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
         card: What there is to know of it beforehand.
         parameters: Their values now.
         autostart: Whether it configures and activates itself.
+        preset: Name of its preset.
         rejections: What it rejected.
         failure: Why configuring failed, None if it did not.
         ticker: Makes the node's calls at a fixed rate, None where there are none.
@@ -62,13 +66,17 @@ class ManagedNode(LifecycleNode, Generic[Group]):
     """
 
     _groups: tuple[NodeParameters[Any], ...] = ()
+    _usual: Mapping[str, Any] = MappingProxyType({})
 
     def __init__(self, name: str, group: type[Group]) -> None:
         super().__init__(name)
         self.card = NODES[name]
         self._told: set[str] = set()
+        common = self.declare(LifecycleParameters).values
+        self.autostart, self.preset = common.autostart, common.preset
+        solver = given_value(self, "solver")
+        self._usual = preset_values(self.preset, name, solver=str(solver or ""))
         self._group_parameters = self.declare(group, on_change=self.parameters_changed)
-        self.autostart = self.declare(LifecycleParameters).values.autostart
         self.rejections = Rejections(self.get_logger().warning, self.get_logger().error)
         self.failure: GarmentSimError | None = None
         self.ticker: Ticker | None = None
@@ -95,6 +103,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
         made = NodeParameters(
             self,
             group,
+            usual=self._usual,
             dynamic=self.card.section(group).live,
             check=check,
             on_change=on_change,
@@ -115,7 +124,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
 
     def idle(self) -> list[str]:
         """What was set and does nothing, a sentence each; see `declaration.idle`."""
-        return [line for group in self._groups for line in idle(group.values)]
+        return [line for group in self._groups for line in idle(group.values, group.usual)]
 
     def tell_idle(self) -> None:
         """Warn, once each, of parameters that do nothing."""
@@ -305,6 +314,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Prepare; a file or parameter that is not allowed leaves the node unconfigured."""
         self.failure = None
+        self.get_logger().info(f"preset {self.preset}")
         self.tell_idle()
         try:
             self.prepare()

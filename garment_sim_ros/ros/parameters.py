@@ -4,7 +4,7 @@ Ranges and texts of the declarations become descriptors, so that tools show them
 outside passes through `params.checked`, at the start and whenever it is set.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Generic, TypeVar
 
@@ -31,12 +31,14 @@ class NodeParameters(Generic[Group]):
     Args:
         node: The node.
         group: The parameter group.
+        usual: Values by name that stand in place of defaults, those of a preset.
         dynamic: Names that may be set while the node runs; the others are read-only.
         check: Called with the values that some are to be set to; may raise `ParameterError`.
         on_change: Called with the new values after some of them were set.
 
     Attributes:
         values: The values now, an instance of the group.
+        usual: As given.
 
     Raises:
         ParameterError: A value given at the start is not allowed.
@@ -47,11 +49,13 @@ class NodeParameters(Generic[Group]):
         node: Node,
         group: type[Group],
         *,
+        usual: Mapping[str, Any] | None = None,
         dynamic: Collection[str] = (),
         check: Callable[[Group], None] | None = None,
         on_change: Callable[[Group], None] | None = None,
     ) -> None:
         self._declarations = declarations(group)
+        self.usual = {k: v for k, v in (usual or {}).items() if k in self._declarations}
         self._check_together = check
         self._on_change = on_change
         self.values: Group = group(
@@ -69,7 +73,8 @@ class NodeParameters(Generic[Group]):
         return tuple(self._declarations)
 
     def _declare(self, node: Node, declaration: Declaration, *, read_only: bool) -> Any:
-        name, default = declaration.name, declaration.default
+        name = declaration.name
+        default = self.usual.get(name, declaration.default)
         # Any type at first: a whole number is a number, and errors are to be our own.
         anything = ParameterDescriptor(dynamic_typing=True)
         given = node.declare_parameter(name, _plain(default), anything).value

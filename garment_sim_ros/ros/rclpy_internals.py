@@ -113,6 +113,12 @@ def given_names(node: Node) -> tuple[str, ...]:
     return tuple(node._parameter_overrides)
 
 
+def given_value(node: Node, name: str) -> Any:
+    """What they give one of them; None where they do not."""
+    found = node._parameter_overrides.get(name)
+    return None if found is None else found.value
+
+
 def activate(publisher: LifecyclePublisher) -> None:
     """Let a publisher speak that was made when its node was active already."""
     publisher.on_activate(None)

@@ -1,17 +1,16 @@
 """What a simulation is given, in any of the ways in which it may be said."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.params import Environment, checked, declarations
+from garment_sim_ros.presets import preset_values
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.placement import GarmentLike
 from garment_sim_ros.sim.solvers import SOLVERS
-
-PRESETS = ("balanced",)
-"""Names of sets of parameters; `balanced` is the defaults."""
 
 
 class OutfitLike(Protocol):
@@ -28,25 +27,51 @@ def garments_of(given: OutfitLike | GarmentLike | Sequence[GarmentLike]) -> tupl
     return (garments,) if hasattr(garments, "vertices") else tuple(garments)
 
 
-def parameters_of(
-    solver: str,
+class Numerics(NamedTuple):
+    """How a simulation is to be run.
+
+    Attributes:
+        solver: Name in `SOLVERS`.
+        step: Longest step of the solver [s].
+        parameters: Outer forces and the solver's settings.
+    """
+
+    solver: str
+    step: float
+    parameters: Parameters
+
+
+def numerics_of(
+    preset: str | None,
+    solver: str | None,
+    step: float | None,
     environment: Environment | None,
     settings: Any,
     given: Mapping[str, Any],
-) -> Parameters:
-    """Outer forces and a solver's settings, with single ones of them replaced.
+) -> Numerics:
+    """What was asked for: single values win over groups, these over the preset.
 
     Args:
-        solver: Name in `SOLVERS`.
-        environment: Outer forces; the defaults where None.
-        settings: Numerical parameters of the solver; its defaults where None.
+        preset: Name of a preset; None for the defaults.
+        solver: Name in `SOLVERS`; that of the preset where None.
+        step: Longest step of the solver [s]; where None that of the preset, else its usual one.
+        environment: Outer forces; those of the preset where None.
+        settings: Numerical parameters of the solver; those of the preset where None.
         given: Values of either by name.
 
     Raises:
-        ParameterError: A name that neither has, or a value that is not allowed.
+        ParameterError: An unknown solver, preset or name, or a value that is not allowed.
     """
-    forces = environment or Environment()
-    numbers = settings or SOLVERS[solver].settings()
+    if solver is not None and solver not in SOLVERS:
+        raise ParameterError("solver", f"found {solver!r}", f"allowed: {', '.join(SOLVERS)}")
+    usual = {} if preset is None else preset_values(preset, "cloth_node", solver=solver or "")
+    solver = solver or usual.get("solver", "xpbd")
+    if step is None:
+        step = usual.get("solver_step", SOLVERS[solver].usual_step)
+    if not (math.isfinite(step) and step > 0.0):
+        raise ParameterError("solver_step", f"found {step!r}", "allowed: above 0 s")
+    forces = environment or _of_preset(Environment, usual)
+    numbers = settings or _of_preset(SOLVERS[solver].settings, usual)
     known = {**declarations(Environment), **declarations(type(numbers))}
     for name in given:
         if name not in known:
@@ -55,17 +80,13 @@ def parameters_of(
     values = {name: checked(known[name], value) for name, value in given.items()}
     of_forces = {name: v for name, v in values.items() if hasattr(forces, name)}
     of_solver = {name: v for name, v in values.items() if name not in of_forces}
-    return Parameters(
+    parameters = Parameters(
         environment=dataclasses.replace(forces, **of_forces),
         settings=dataclasses.replace(numbers, **of_solver),
     )
+    return Numerics(solver, step, parameters)
 
 
-def check_preset(preset: str | None) -> None:
-    """Whether a preset exists.
-
-    Raises:
-        ParameterError: It does not.
-    """
-    if preset is not None and preset not in PRESETS:
-        raise ParameterError("preset", f"found {preset!r}", f"allowed: {', '.join(PRESETS)}")
+def _of_preset(group: type, usual: Mapping[str, Any]) -> Any:
+    """A group of parameters as a preset has it."""
+    return group(**{name: usual[name] for name in declarations(group) if name in usual})

@@ -10,7 +10,7 @@ from garment_sim_ros.contact.papers.earliest.contact import check_earliest
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError, MessageError, ParameterError
 from garment_sim_ros.params import Environment, ImplicitSettings, RelaxationSettings, XpbdSettings
-from garment_sim_ros.sim.arguments import OutfitLike, check_preset, garments_of, parameters_of
+from garment_sim_ros.sim.arguments import OutfitLike, garments_of, numerics_of
 from garment_sim_ros.sim.by_name import ByName
 from garment_sim_ros.sim.garment_view import GarmentView
 from garment_sim_ros.sim.layers.pair import LayerPair
@@ -47,11 +47,12 @@ class Simulation(ByName):
     Args:
         garments: An outfit, a garment, or garments with different names.
         colliders: The body's colliders; `step`, `reset` and `advance` take one pose for each.
-        preset: A set of parameters, "balanced" or None for the defaults.
+        preset: Name of a preset, see `presets`; what is given beside it wins. None: the defaults.
         environment: Outer forces.
-        settings: Numerical parameters of the solver; its defaults where None.
-        solver: Name in `SOLVERS`.
-        solver_step: Longest step that the solver takes at once [s]; its usual one where None.
+        settings: Numerical parameters of the solver.
+        solver: Name in `SOLVERS`; where None that of the preset, else xpbd.
+        solver_step: Longest step that the solver takes at once [s]; where None that of the
+            preset, else the solver's usual one.
         parameters: Single values of `Environment` and of the solver's settings by name; they
             win over the groups.
 
@@ -68,17 +69,13 @@ class Simulation(ByName):
         preset: str | None = None,
         environment: Environment | None = None,
         settings: RelaxationSettings | XpbdSettings | ImplicitSettings | None = None,
-        solver: str = "xpbd",
+        solver: str | None = None,
         solver_step: float | None = None,
         **parameters: Any,
     ) -> None:
-        check_preset(preset)
-        if solver not in SOLVERS:
-            raise ParameterError("solver", f"found {solver!r}", f"allowed: {', '.join(SOLVERS)}")
-        if solver_step is None:
-            solver_step = SOLVERS[solver].usual_step
-        if not (math.isfinite(solver_step) and solver_step > 0.0):
-            raise ParameterError("solver_step", f"found {solver_step!r}", "allowed: above 0 s")
+        solver, solver_step, asked = numerics_of(
+            preset, solver, solver_step, environment, settings, parameters
+        )
         garments = garments_of(garments)
         names = [g.name for g in garments]
         if len(set(names)) != len(names):
@@ -114,7 +111,6 @@ class Simulation(ByName):
         self._at = ColliderPoses.identity(len(colliders))
         self._is_on = False
         self._wind_on: dict[str, WindOnCloth] = {}
-        asked = parameters_of(solver, environment, settings, parameters)
         self._wind = Wind(asked.environment)
         self.parameters = asked
 

@@ -8,6 +8,7 @@ only where cloth can be at rest in one place.
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -58,15 +59,16 @@ class Outcome:
     skipped: str = ""
 
 
-def judge(scene: Scene, solver: str) -> Outcome:
+def judge(scene: Scene, solver: str, settings: Any = None) -> Outcome:
     """Runs a scene and judges it.
 
     Args:
         scene: The scene.
-        solver: Name of the solver; with its default settings.
+        solver: Name of the solver.
+        settings: Its settings; the defaults where None.
     """
     try:
-        still, run = Run(scene, solver), Run(scene, solver)
+        still, run = Run(scene, solver, settings), Run(scene, solver, settings)
     except GarmentSimError as error:
         # Saying clearly that something cannot be simulated is a good answer.
         return Outcome(refused=str(error))

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -74,11 +75,12 @@ class Run:
 
     Args:
         scene: The scene.
-        solver: Name of the solver; with its default settings.
+        solver: Name of the solver.
+        settings: Its settings; the defaults where None. A scene may have other passes.
     """
 
-    def __init__(self, scene: Scene, solver: str) -> None:
-        settings = SOLVERS[solver].settings()
+    def __init__(self, scene: Scene, solver: str, settings: Any = None) -> None:
+        settings = settings or SOLVERS[solver].settings()
         if scene.passes is not None:
             name = "sweeps" if hasattr(settings, "sweeps") else "iterations"
             settings = replace(settings, **{name: scene.passes})

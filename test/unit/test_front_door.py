@@ -278,7 +278,9 @@ class TestSimulation:
 
     def test_presets(self):
         assert self.scene(preset="balanced").parameters == self.scene().parameters
-        with pytest.raises(gs.ParameterError, match="preset: found 'best'; allowed: balanced"):
+        with pytest.raises(
+            gs.ParameterError, match="preset: found 'best'; allowed: fast, balanced"
+        ):
             self.scene(preset="best")
 
     def test_parameters_by_name(self):

@@ -59,10 +59,23 @@ def test_launch_file_starts_the_nodes_with_its_arguments(tmp_path):
         for n in tree.body
         if isinstance(n, ast.Assign) and n.targets[0].id == "ARGUMENTS"
     )
-    assert arguments.keys() >= {"namespace", "body", "clip", "outfit", "use_sim_time"}
+    assert arguments.keys() >= {
+        "namespace",
+        "body",
+        "clip",
+        "outfit",
+        "use_sim_time",
+        "preset",
+        "set",
+    }
     assert all(about for _, about in arguments.values())
     started = {
         call.args[0].value: [k.arg for k in call.keywords]
+        for call in ast.walk(tree)
+        if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "node"
+    }
+    given = {
+        call.args[0].value: ast.unparse(call.args[1])
         for call in ast.walk(tree)
         if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "node"
     }
@@ -71,12 +84,35 @@ def test_launch_file_starts_the_nodes_with_its_arguments(tmp_path):
         known = {"use_sim_time"}.union(*(params.declarations(g) for g in GROUPS[node]))
         assert known.issuperset(names)
         assert "use_sim_time" in names
+        assert f"given['{node}']" in given[node]
     conditional = {
         call.args[0].value
         for call in ast.walk(tree)
-        if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "node" and call.args[1:]
+        if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "node" and call.args[2:]
     }
     assert conditional == {"mocap_player"}  # with an empty clip others send joint states
+
+
+def test_launch_arguments_become_what_a_preset_and_single_values_say():
+    tree = ast.parse(LAUNCH.read_text())
+    (function,) = (n for n in tree.body if getattr(n, "name", "") == "given_in")
+    said = {"preset": "fast", "set": "cloth_node.rate=30; collider_node.method=capsules;"}
+
+    class Configuration(str):
+        def perform(self, context):
+            return context[self]
+
+    scope = {
+        "LaunchContext": dict,
+        "LaunchConfiguration": Configuration,
+        "ParameterValue": lambda value, value_type: (value_type, value),
+    }
+    exec(compile(ast.Module([function], []), str(LAUNCH), "exec"), scope)
+    assert scope["given_in"](said) == {
+        "mocap_player": {"preset": (str, "fast")},
+        "collider_node": {"preset": (str, "fast"), "method": (str, "capsules")},
+        "cloth_node": {"preset": (str, "fast"), "rate": 30.0},
+    }
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,81 @@
+"""Nodes that are started with a preset run with it, and with what is given beside it."""
+
+import signal
+
+import pytest
+
+pytest.importorskip("rclpy")
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import GetParameters
+from ros_input.cloth import OUTFIT, Avatar
+
+from garment_sim_ros.presets import preset_file, preset_values
+from garment_sim_ros.ros.interfaces import COLLIDER_DESCRIPTION
+
+pytestmark = pytest.mark.ros
+FAST = preset_values("fast", "cloth_node")
+
+
+def values(probe, node, *names):
+    """What a node says that its parameters are."""
+    request = GetParameters.Request(names=list(names))
+    found = probe.call(GetParameters, f"{node}/get_parameters", request).values
+    of = {
+        ParameterType.PARAMETER_DOUBLE: "double_value",
+        ParameterType.PARAMETER_INTEGER: "integer_value",
+        ParameterType.PARAMETER_STRING: "string_value",
+        ParameterType.PARAMETER_BOOL: "bool_value",
+    }
+    return {name: getattr(v, of[v.type]) for name, v in zip(names, found)}
+
+
+def test_a_node_runs_its_preset_and_single_values_win(start_node, make_probe, until, tmp_path):
+    outfit = tmp_path / "outfit.yaml"
+    outfit.write_text(OUTFIT)
+    namespace = "/cloth_preset"
+    node = start_node(
+        "cloth_node", namespace, outfit=str(outfit), preset="fast", strain_limit=0.25
+    )
+    probe = make_probe(namespace)
+    until(lambda: probe.diagnostics(node), "the node runs")
+    assert "preset fast" in node.output
+    asked = {**FAST, "preset": "fast", "strain_limit": 0.25}
+    assert values(probe, "cloth_node", *asked) == asked
+    probe.publish(COLLIDER_DESCRIPTION, Avatar().description)
+    # What the simulation itself runs, not what was declared.
+    steps = f"xpbd, steps of {1e3 * FAST['solver_step']:.3f} ms"
+    until(lambda: steps in node.output, f"the garments are made: {steps}")
+    assert "does nothing" not in node.output
+    node.send(signal.SIGTERM)
+    assert node.wait() == 0
+
+
+@pytest.mark.parametrize("node", ["mocap_player", "collider_node", "cloth_node"])
+def test_a_preset_is_a_parameter_file_in_any_namespace(node, make_probe):
+    import rclpy
+
+    made = rclpy.create_node(
+        node,
+        namespace="/ann",
+        context=make_probe("/files").node.context,
+        cli_args=["--ros-args", "--params-file", str(preset_file("fast"))],
+        automatically_declare_parameters_from_overrides=True,
+    )
+    said = preset_values("fast", node)
+    assert {name: made.get_parameter(name).value for name in said} == said
+    made.destroy_node()
+
+
+def test_other_nodes_take_it(start_node, make_probe, until):
+    namespace = "/collider_preset"
+    node = start_node("collider_node", namespace, preset="fast", delta=0.004)
+    probe = make_probe(namespace)
+    until(lambda: probe.diagnostics(node), "the node runs")
+    asked = {**preset_values("fast", "collider_node"), "delta": 0.004}
+    assert values(probe, "collider_node", *asked) == asked
+
+
+def test_an_unknown_preset_ends_the_node_with_one_line(start_node):
+    node = start_node("cloth_node", "/no_preset", preset="best")
+    assert node.wait() == 2
+    assert node.output == "error: preset: found 'best'; allowed: fast, balanced, accurate\n"
