@@ -17,6 +17,7 @@ COMMANDS = {
     "dress": "cut garments from patterns, sew them on a body and let them drape",
     "fit": "fit colliders to a body",
     "info": "tell what would be modelled for an avatar and its outfit, and why",
+    "simulate": "dress a clip or a recording without nodes, faster than real time",
     "stability": "drive the solvers to extremes and tell where they hold",
 }
 """Each is a module beside this one with `EXAMPLE`, `add_arguments(parser)`, and `run(args)`, which

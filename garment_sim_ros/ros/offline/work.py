@@ -208,8 +208,9 @@ class Cloth:
         for name in simulation.names:
             x = simulation.positions(name)
             normal = simulation.normals(name) if self._p.normals else None
-            yield GARMENT_POINTS.name.format(name), self._points[name].fill(
-                stepper.time, x, normal
+            yield (
+                GARMENT_POINTS.name.format(name),
+                self._points[name].fill(stepper.time, x, normal),
             )
             if self._with_markers:
                 yield GARMENT_MESH.name.format(name), self._meshes[name].fill(stepper.time, x)
