@@ -2,12 +2,15 @@
 
 import argparse
 import dataclasses
+import os
+import shutil
+import signal
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +23,10 @@ if TYPE_CHECKING:
 
 EXAMPLE = "garment-sim simulate --clip dance.bvh --body avatar.glb --out dance"
 
+UNUSABLE = 2
 _MOST_JOBS = 256
+_PARTIAL = ".partial-*"
+_is_at_work = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,7 +88,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         raise ParameterError("--jobs", f"found {args.jobs}", f"allowed: 1 to {_MOST_JOBS}")
     began = time.monotonic()
     alone = len(tasks) == 1
-    results = [_simulate(tasks[0], show=True)] if alone else _spread(tasks, args.jobs)
+    results = [_simulate(tasks[0], show=True)] if alone else _spread(tasks, args.jobs, args.out)
     for result in results:
         print(_line(result))
     took = time.monotonic() - began
@@ -119,6 +125,13 @@ def _tasks(args: argparse.Namespace) -> list[_Task]:
         raise ParameterError(
             "--out" if inputs else "--clip", "missing", "allowed: --clip F or --bag F, --out BAG"
         )
+    for option in ("seconds", "rate") if args.bag else ():
+        if getattr(args, option):
+            raise ParameterError(f"--{option}", "found with --bag", "allowed: with --clip")
+    for option in ("namespace", "begin_with") if args.clip else ():
+        if getattr(args, option):
+            name = option.replace("_", "-")
+            raise ParameterError(f"--{name}", "found with --clip", "allowed: with --bag")
     names = [Path(s).stem.replace(":", "_") for _, s in inputs]
     for name in names:
         if names.count(name) > 1:
@@ -162,29 +175,71 @@ def _check_out(out: Path) -> None:
         )
 
 
-def _spread(tasks: list[_Task], jobs: int) -> list[dict[str, Any]]:
-    """Simulate in processes; what is whole stays, whatever becomes of the others."""
+def _spread(tasks: list[_Task], jobs: int, folder: Path) -> list[dict[str, Any]]:
+    """Simulate in processes; what is whole stays, whatever becomes of the others.
+
+    Raises:
+        GarmentSimError: Of the first input that cannot be used, once the others are done.
+    """
+    before = set(folder.glob(_PARTIAL))
+    results: dict[int, dict[str, Any]] = {}
+    failed: dict[int, GarmentSimError] = {}
     # Not forked: a process with compiled code and threads cannot be copied safely.
-    done: dict[Path, dict[str, Any]] = {}
-    with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=get_context("spawn")) as pool:
-        waiting = [pool.submit(_simulate, task) for task in tasks]
-        try:
-            for future in progress(as_completed(waiting), "recordings", len(waiting)):
-                result = future.result()
-                done[Path(result["out"])] = result
-        except BrokenProcessPool:
+    pool = ProcessPoolExecutor(
+        min(jobs, len(tasks)), mp_context=get_context("spawn"), initializer=_begin_process
+    )
+    try:
+        waiting = {pool.submit(_simulate, task): k for k, task in enumerate(tasks)}
+        for future in progress(as_completed(waiting), "recordings", len(waiting)):
+            try:
+                results[waiting[future]] = future.result()
+            except BrokenProcessPool:
+                raise
+            except GarmentSimError as error:
+                failed[waiting[future]] = error
+        pool.shutdown()
+    except BaseException as error:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in active_children():
+            process.terminate()
+        pool.shutdown()
+        # Of a process that was killed: it could not clean up itself.
+        for partial in set(folder.glob(_PARTIAL)) - before:
+            shutil.rmtree(partial, ignore_errors=True)
+        if isinstance(error, BrokenProcessPool):
             raise GarmentSimError(
                 "--jobs: a process was ended from outside; what is whole stays, --resume does the "
                 "others"
             ) from None
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    return [done[task.out] for task in tasks]
+        raise
+    if failed:
+        raise failed[min(failed)]
+    return [results[k] for k in range(len(tasks))]
+
+
+def _begin_process() -> None:
+    """Only the process that was started by the user takes Ctrl-C, and then ends the others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _end)
+
+
+def _end(number: int, frame: object) -> None:
+    if not _is_at_work:
+        os._exit(UNUSABLE)
+    raise KeyboardInterrupt
 
 
 def _simulate(task: _Task, *, show: bool = False) -> dict[str, Any]:
     """Simulate one input; runs in a process of its own where there are several."""
+    global _is_at_work
+    _is_at_work = True
+    try:
+        return _simulated(task, show=show)
+    finally:
+        _is_at_work = False
+
+
+def _simulated(task: _Task, *, show: bool) -> dict[str, Any]:
     recording = _offline()
     from garment_sim_ros.ros.offline.inputs import from_clip, opened_input
     from garment_sim_ros.ros.offline.setup import Setup, fingerprint
@@ -202,6 +257,8 @@ def _simulate(task: _Task, *, show: bool = False) -> dict[str, Any]:
         files = {"input": task.source, **worn}
         setup = dataclasses.replace(
             setup,
+            # Where the clip lay does not matter: what it moved is in the recording.
+            player=dataclasses.replace(setup.player, clip=Path(setup.player.clip).name),
             begins_with=source.begins_with,
             files={option: fingerprint(file) for option, file in files.items() if file}
             | {"messages": str(source.count)},

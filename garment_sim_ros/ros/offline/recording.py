@@ -40,6 +40,7 @@ from garment_sim_ros.ros.topics import (
 Progress = Callable[[Iterator[Message], int], Iterator[Message]]
 """Passes messages on, of which there are so many, and shows how far they are."""
 
+_NAME = "simulation"
 _STRING = "std_msgs/msg/String"
 _KINDS = {
     ROBOT_DESCRIPTION.name: (_STRING, True),
@@ -92,7 +93,7 @@ def record(
     Args:
         source: What comes in.
         setup: What to simulate with.
-        out: Folder of the recording; must not exist.
+        out: Folder of the recording; must not exist, and lie in a folder that is free for it.
         name: The input's name, for messages.
         progress: Shows how far it is.
 
@@ -100,7 +101,9 @@ def record(
         GarmentSimError: A file or parameter cannot be used, or the input leads to no cloth.
     """
     work = Work(setup)
-    writer = Writer(out, version=9, storage_plugin=StoragePlugin.MCAP)
+    # Its file has the same name wherever it goes: the name stands in its bytes.
+    written = out.with_name(_NAME)
+    writer = Writer(written, version=9, storage_plugin=StoragePlugin.MCAP)
     writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     types = get_typestore(Stores.ROS2_JAZZY)
     connections: dict[str, Connection] = {}
@@ -129,6 +132,7 @@ def record(
                 raise InputFileError(name, f"leads to no cloth ({why})")
     except OSError as error:
         raise InputFileError(out, error.strerror or str(error), "allowed: room to write") from None
+    written.replace(out)
     stepper = work.cloth.stepper
     return Simulated(
         frames=work.cloth.frames,
