@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.description import from_json
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.errors import GarmentSimError, MessageError
 from garment_sim_ros.garment.garment import Garment
-from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.garment.outfit import Outfit, load_outfit
 from garment_sim_ros.recording.worn_watch import WornWatch
 from garment_sim_ros.ros.background import Background
 from garment_sim_ros.ros.compiler import Compiler
@@ -36,6 +37,34 @@ class Dressed:
     watch: WornWatch
     garments: tuple[Garment, ...]
     notes: tuple[str, ...]
+
+
+def dress(
+    outfit: str,
+    body: Body,
+    colliders: ColliderSet,
+    *,
+    solver: str,
+    solver_step: float,
+    parameters: Parameters,
+) -> tuple[Outfit, Simulation]:
+    """An outfit on the colliders that a body was described by.
+
+    Args:
+        outfit: Outfit file or name.
+        body: The wearer.
+        colliders: Its colliders.
+        solver: Name of the solver.
+        solver_step: Its step [s].
+        parameters: Outer forces and numerical parameters.
+
+    Raises:
+        GarmentSimError: One of them cannot be used, or they do not suit each other.
+    """
+    made = load_outfit(outfit, body, colliders=colliders)
+    simulation = Simulation(made.garments, colliders, solver=solver, solver_step=solver_step)
+    simulation.parameters = parameters
+    return made, simulation
 
 
 class Dresser:
@@ -110,11 +139,15 @@ class Dresser:
                 "frame_id", f"found {colliders.frame_id!r}; allowed: {self._frame_id!r}"
             )
         try:
-            outfit = load_outfit(self._outfit, self._body, colliders=colliders)
-            simulation = Simulation(
-                outfit.garments, colliders, solver=self._solver, solver_step=self._solver_step
+            parameters = self._parameters()
+            outfit, simulation = dress(
+                self._outfit,
+                self._body,
+                colliders,
+                solver=self._solver,
+                solver_step=self._solver_step,
+                parameters=parameters,
             )
-            simulation.parameters = parameters = self._parameters()
             # What the outfit did not tell of is compiled here and not in a frame.
             self._compiler.compile(Scene.of(colliders, outfit.garments), parameters)
         except GarmentSimError as error:

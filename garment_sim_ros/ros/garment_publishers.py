@@ -2,8 +2,6 @@
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import Point
-from shape_msgs.msg import Mesh, MeshTriangle
 
 from garment_sim_ros.arrays import SingleArray
 from garment_sim_ros.garment.colours import garment_colour
@@ -12,6 +10,10 @@ from garment_sim_ros.params import Material
 from garment_sim_ros.recording import worn_watch
 from garment_sim_ros.recording.worn_watch import WornWatch
 from garment_sim_ros.ros.diagnostics import status
+from garment_sim_ros.ros.garment_messages import (
+    garment_marker,
+    topology,
+)
 from garment_sim_ros.ros.interfaces import (
     GARMENT_MESH,
     GARMENT_POINTS,
@@ -53,10 +55,8 @@ class GarmentPublishers:
         self._points_message = PointCloud(
             len(garment.vertices), self._frame_id, normals=self._normals
         )
-        self._mesh_message = TriangleMarker(
-            garment.triangles, self._frame_id, self.name, (*garment_colour(number), 1.0)
-        )
-        self._topology.publish(_topology(garment))
+        self._mesh_message = garment_marker(garment, number, self._frame_id)
+        self._topology.publish(topology(garment))
 
     def publish(self, simulation: Simulation, stamp: int) -> SingleArray:
         """Publish points and mesh as they are at a simulated time [ns].
@@ -136,13 +136,3 @@ def warm_up() -> None:
     StrainMeter(model).read(State.at(model, vertices, np.zeros(3)))
     marker = TriangleMarker(triangles, "world", "scrap", (*garment_colour(0), 1.0))
     marker.fill(0, vertices.astype(np.float32))
-
-
-def _topology(garment: Garment) -> Mesh:
-    return Mesh(
-        triangles=[
-            MeshTriangle(vertex_indices=np.asarray(triangle, dtype=np.uint32))
-            for triangle in garment.triangles
-        ],
-        vertices=[Point(x=float(x), y=float(y), z=float(z)) for x, y, z in garment.vertices],
-    )

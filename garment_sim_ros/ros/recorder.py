@@ -17,18 +17,11 @@ from rclpy.context import Context
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
-from rosbags.interfaces import (
-    Connection,
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
+from rosbags.interfaces import Connection, Qos
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from garment_sim_ros.ros.offered import offered
 from garment_sim_ros.ros.rclpy_internals import Taker
 from garment_sim_ros.stepping_back import SMALL, libraries_step_back, step_back
 
@@ -41,7 +34,6 @@ _NAMES = frozenset(
 _LOOK_PERIOD = 0.02  # between two looks for messages [s]
 _DISCOVERY_PERIOD = 0.1  # between two looks for topics [s]
 _DEPTH = 1000  # arrived messages that may wait; the publishers' own depth is what they offer
-_FOREVER = QosTime(2147483647, 4294967295)
 
 
 @dataclass(frozen=True)
@@ -182,7 +174,7 @@ class Recorder:
             reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
         )
-        self._queue.put((topic, 0, _Topic(kind, _offered(profile))))
+        self._queue.put((topic, 0, _Topic(kind, offered(reliable=reliable, latched=latched))))
         package, _, message = kind.partition("/msg/")
         message_type = getattr(importlib.import_module(f"{package}.msg"), message)
         # No executor spins this node: the callback is never called.
@@ -191,19 +183,3 @@ class Recorder:
                 message_type, topic, lambda data: None, profile, raw=True
             )
         )
-
-
-def _offered(profile: QoSProfile) -> Qos:
-    """The profile that a player of the bag should publish with."""
-    latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    return Qos(
-        history=QosHistory.KEEP_LAST,
-        depth=1 if latched else 10,
-        reliability=QosReliability(int(profile.reliability)),
-        durability=QosDurability(int(profile.durability)),
-        deadline=_FOREVER,
-        lifespan=_FOREVER,
-        liveliness=QosLiveliness.AUTOMATIC,
-        liveliness_lease_duration=_FOREVER,
-        avoid_ros_namespace_conventions=False,
-    )

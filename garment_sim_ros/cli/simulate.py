@@ -1,0 +1,294 @@
+"""`simulate`: a clip or a recording to a recording with garments, faster than real time."""
+
+import argparse
+import dataclasses
+import os
+import shutil
+import signal
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
+from multiprocessing import active_children, get_context
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from garment_sim_ros.cli.progress import progress
+from garment_sim_ros.cli.staging import staged
+from garment_sim_ros.errors import GarmentSimError, InputFileError, ParameterError
+
+if TYPE_CHECKING:
+    from garment_sim_ros.ros.offline.inputs import Input, Message
+
+EXAMPLE = "garment-sim simulate --clip dance.bvh --body avatar.glb --out dance"
+
+UNUSABLE = 2
+_MOST_JOBS = 256
+_PARTIAL = ".partial-*"
+_is_at_work = False
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    add = parser.add_argument
+    add("--clip", metavar="F", nargs="+", default=[], help="BVH file, rosbag2, or walk")
+    add(
+        "--bag",
+        metavar="F",
+        nargs="+",
+        default=[],
+        help="rosbag2 with joint_states and robot_description, or with collider_poses and "
+        "collider_description; its messages and their times are kept as they are",
+    )
+    add("--body", metavar="F", default="mannequin", help="body file (default: mannequin)")
+    add("--body-bone-names", metavar="F", default="", help="YAML file of the body's bones")
+    add("--bone-names", metavar="F", default="", help="YAML file of the clip's bones")
+    add("--outfit", metavar="F", default="", help="outfit YAML (default: T-shirt, short skirt)")
+    add(
+        "--seconds", metavar="S", type=float, help="of a clip, from its start; looped where longer"
+    )
+    add("--rate", metavar="HZ", type=float, default=0.0, help="of a clip; default: its own")
+    add("--namespace", metavar="NS", help="of the avatar in a bag; default: the first")
+    add(
+        "--begin-with",
+        choices=("joint_states", "collider_poses"),
+        default="",
+        help="what of a bag is used; default: joint_states where there are any",
+    )
+    add("--markers", action="store_true", help="also write what RViz shows, which takes room")
+    add("--normals", action="store_true", help="points with vertex normals")
+    add("--out", metavar="BAG", type=Path, help="the recording; of several inputs their folder")
+    add("--jobs", metavar="N", type=int, default=1, help="processes for several inputs")
+    add("--resume", action="store_true", help="leave recordings that are there and whole")
+    add("--verify", metavar="BAG", help="simulate what simulate wrote again and compare")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Task:
+    """One input, and where its recording goes."""
+
+    option: str
+    source: str
+    out: Path
+    nodes: dict[str, dict[str, Any]]
+    begin_with: str
+    namespace: str | None
+    seconds: float | None
+    markers: bool
+    resume: bool
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Simulate, or compare."""
+    if args.verify is not None:
+        return _verify(args)
+    tasks = _tasks(args)
+    if not 1 <= args.jobs <= _MOST_JOBS:
+        raise ParameterError("--jobs", f"found {args.jobs}", f"allowed: 1 to {_MOST_JOBS}")
+    began = time.monotonic()
+    alone = len(tasks) == 1
+    results = [_simulate(tasks[0], show=True)] if alone else _spread(tasks, args.jobs, args.out)
+    for result in results:
+        print(_line(result))
+    took = time.monotonic() - began
+    return {"recordings": results, "took_s": round(took, 2)}
+
+
+def _verify(args: argparse.Namespace) -> dict[str, Any]:
+    if args.clip or args.bag or args.out:
+        raise ParameterError("--verify", "found beside an input or --out", "allowed: alone")
+    recording = _offline()
+    result: dict[str, Any] = recording.verify(args.verify, _bar)
+    print(f"{args.verify}: all {result['seconds']} seconds are the same")
+    return result
+
+
+def _offline() -> Any:
+    """What simulates; not loaded with the command, as it needs the types of messages."""
+    try:
+        from garment_sim_ros.ros.offline import recording
+    except ImportError as error:
+        raise GarmentSimError(
+            f"message types: {error}; source ROS 2 or pip install 'garment_sim_ros[ros]'"
+        ) from None
+    return recording
+
+
+def _bar(messages: "Iterator[Message]", count: int) -> "Iterator[Message]":
+    return progress(messages, "simulating", count)
+
+
+def _tasks(args: argparse.Namespace) -> list[_Task]:
+    inputs = [("--clip", s) for s in args.clip] + [("--bag", s) for s in args.bag]
+    if not inputs or args.out is None:
+        raise ParameterError(
+            "--out" if inputs else "--clip", "missing", "allowed: --clip F or --bag F, --out BAG"
+        )
+    for option in ("seconds", "rate") if args.bag else ():
+        if getattr(args, option):
+            raise ParameterError(f"--{option}", "found with --bag", "allowed: with --clip")
+    for option in ("namespace", "begin_with") if args.clip else ():
+        if getattr(args, option):
+            name = option.replace("_", "-")
+            raise ParameterError(f"--{name}", "found with --clip", "allowed: with --bag")
+    names = [Path(s).stem.replace(":", "_") for _, s in inputs]
+    for name in names:
+        if names.count(name) > 1:
+            raise ParameterError(inputs[0][0], f"two inputs named {name!r}", "allowed: one each")
+    worn = {"body": args.body, "body_bone_names": args.body_bone_names, "outfit": args.outfit}
+    tasks = []
+    for (option, source), name in zip(inputs, names):
+        clip = {"clip": source, "rate": args.rate} if option == "--clip" else {}
+        tasks.append(
+            _Task(
+                option=option,
+                source=source,
+                out=args.out if len(inputs) == 1 else args.out / name,
+                nodes={
+                    "mocap_player": {**clip, "bone_names": args.bone_names},
+                    "collider_node": {**worn, "bone_names": args.bone_names},
+                    "cloth_node": {**worn, "normals": args.normals},
+                },
+                begin_with=args.begin_with,
+                namespace=_namespace(args.namespace),
+                seconds=args.seconds,
+                markers=args.markers,
+                resume=args.resume,
+            )
+        )
+        _check_out(tasks[-1].out)
+    return tasks
+
+
+def _namespace(name: str | None) -> str | None:
+    return None if name is None else "/" * bool(name.strip("/")) + name.strip("/")
+
+
+def _check_out(out: Path) -> None:
+    """Refuse to replace what is no recording."""
+    if out.exists() and not (
+        out.is_dir() and ((out / "metadata.yaml").exists() or not any(out.iterdir()))
+    ):
+        raise InputFileError(
+            f"--out {out}", "exists and is no recording", "allowed: a new name, or a recording"
+        )
+
+
+def _spread(tasks: list[_Task], jobs: int, folder: Path) -> list[dict[str, Any]]:
+    """Simulate in processes; what is whole stays, whatever becomes of the others.
+
+    Raises:
+        GarmentSimError: Of the first input that cannot be used, once the others are done.
+    """
+    before = set(folder.glob(_PARTIAL))
+    results: dict[int, dict[str, Any]] = {}
+    failed: dict[int, GarmentSimError] = {}
+    # Not forked: a process with compiled code and threads cannot be copied safely.
+    pool = ProcessPoolExecutor(
+        min(jobs, len(tasks)), mp_context=get_context("spawn"), initializer=_begin_process
+    )
+    try:
+        waiting = {pool.submit(_simulate, task): k for k, task in enumerate(tasks)}
+        for future in progress(as_completed(waiting), "recordings", len(waiting)):
+            try:
+                results[waiting[future]] = future.result()
+            except BrokenProcessPool:
+                raise
+            except GarmentSimError as error:
+                failed[waiting[future]] = error
+        pool.shutdown()
+    except BaseException as error:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in active_children():
+            process.terminate()
+        pool.shutdown()
+        # Of a process that was killed: it could not clean up itself.
+        for partial in set(folder.glob(_PARTIAL)) - before:
+            shutil.rmtree(partial, ignore_errors=True)
+        if isinstance(error, BrokenProcessPool):
+            raise GarmentSimError(
+                "--jobs: a process was ended from outside; what is whole stays, --resume does the "
+                "others"
+            ) from None
+        raise
+    if failed:
+        raise failed[min(failed)]
+    return [results[k] for k in range(len(tasks))]
+
+
+def _begin_process() -> None:
+    """Only the process that was started by the user takes Ctrl-C, and then ends the others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _end)
+
+
+def _end(number: int, frame: object) -> None:
+    if not _is_at_work:
+        os._exit(UNUSABLE)
+    raise KeyboardInterrupt
+
+
+def _simulate(task: _Task, *, show: bool = False) -> dict[str, Any]:
+    """Simulate one input; runs in a process of its own where there are several."""
+    global _is_at_work
+    _is_at_work = True
+    try:
+        return _simulated(task, show=show)
+    finally:
+        _is_at_work = False
+
+
+def _simulated(task: _Task, *, show: bool) -> dict[str, Any]:
+    recording = _offline()
+    from garment_sim_ros.ros.offline.inputs import from_clip, opened_input
+    from garment_sim_ros.ros.offline.setup import Setup, fingerprint
+
+    began = time.monotonic()
+    with ExitStack() as stack:
+        setup = Setup.of(task.nodes, markers=task.markers)
+        if task.option == "--clip":
+            source: Input = from_clip(setup.player, task.seconds)
+        else:
+            source = stack.enter_context(
+                opened_input(task.source, begins_with=task.begin_with, namespace=task.namespace)
+            )
+        worn = {"body": setup.collider.body, "outfit": setup.cloth.outfit}
+        files = {"input": task.source, **worn}
+        setup = dataclasses.replace(
+            setup,
+            # Where the clip lay does not matter: what it moved is in the recording.
+            player=dataclasses.replace(setup.player, clip=Path(setup.player.clip).name),
+            begins_with=source.begins_with,
+            files={option: fingerprint(file) for option, file in files.items() if file}
+            | {"messages": str(source.count)},
+        )
+        told: dict[str, Any] = {"input": task.source, "out": str(task.out)}
+        if task.resume and task.out.exists() and recording.told_setup(task.out) == setup.text:
+            return {**told, "left": True}
+        with staged(task.out.parent) as stage:
+            result = recording.record(
+                source, setup, stage / task.out.name, task.source, _bar if show else _plain
+            )
+    took = time.monotonic() - began
+    return {
+        **told,
+        **dataclasses.asdict(result),
+        "took_s": round(took, 2),
+        "times_real_time": round(result.seconds / took, 2),
+    }
+
+
+def _plain(messages: "Iterator[Message]", count: int) -> "Iterator[Message]":
+    return messages
+
+
+def _line(result: dict[str, Any]) -> str:
+    if result.get("left"):
+        return f"{result['out']}: is there already"
+    rejected = sum(result["rejected"].values())
+    return (
+        f"{result['out']}: {result['frames']} frames, {result['seconds']:.2f} s in "
+        f"{result['took_s']:.1f} s, {result['times_real_time']:.1f} times real time"
+        + (f", {rejected} messages not used" if rejected else "")
+    )
