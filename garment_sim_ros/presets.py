@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from garment_sim_ros.declaration import Declaration, checked, declarations, nearest, shown
+from garment_sim_ros.declaration import Declaration, checked, declarations, nearest, shown, validated
 from garment_sim_ros.errors import InputFileError, ParameterError
 from garment_sim_ros.nodes import NODES
 from garment_sim_ros.params import ClothNodeParameters, ColliderOptions, LifecycleParameters
@@ -75,6 +75,11 @@ def collider_options(name: str | None) -> dict[str, Any]:
     """How a preset has colliders fitted; nothing where it is None."""
     values = preset_values(name, "collider_node") if name is not None else {}
     return {k: v for k, v in values.items() if k in declarations(ColliderOptions)}
+
+
+def usual_colliders(name: str | None) -> ColliderOptions:
+    """How colliders are fitted with a preset where nothing else is said."""
+    return validated(ColliderOptions, collider_options(name))
 
 
 def chosen(preset: str, words: Iterable[str] = (), *, option: str = "--set") -> Choice:

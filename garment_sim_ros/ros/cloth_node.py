@@ -15,13 +15,8 @@ from garment_sim_ros.body.missing_bones import missing_bones_of
 from garment_sim_ros.colliders.description import MAX_TEXT
 from garment_sim_ros.errors import MessageError, ParameterError
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, read_outfit
-from garment_sim_ros.params import (
-    ClothNodeParameters,
-    ColliderOptions,
-    Environment,
-    validated,
-)
-from garment_sim_ros.presets import collider_options
+from garment_sim_ros.params import ClothNodeParameters, Environment
+from garment_sim_ros.presets import usual_colliders
 from garment_sim_ros.ros import garment_publishers
 from garment_sim_ros.ros.cloth_stepper import POSE_COUNT, ClothStepper
 from garment_sim_ros.ros.compiler import Compiler, expected_scene
@@ -96,8 +91,8 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         with reporting(self.get_logger().info, "compile, or load what is compiled") as tell:
             check_wind(self._environment.values)
             # The description may tell of other colliders than the outfit asks for.
-            usual = validated(ColliderOptions, collider_options(self.preset))
-            compiler.expect(expected_scene(file, usual), self._forces(), tell)
+            scene = expected_scene(file, usual_colliders(self.preset))
+            compiler.expect(scene, self._forces(), tell)
         # Last: by now `collider_node` may have left it in the cache.
         with reporting(self.get_logger().info, f"load the body {p.body}"):
             body = load_body(p.body, bone_names=p.body_bone_names)

@@ -196,8 +196,10 @@ OTHER_MEANINGS = {
     "garment/outfit_file.py": {"mesh"},  # of a garment
     "garment/patterns/making.py": {"mesh"},
     "garment/sewn_file.py": {"mesh"},  # glTF's own word
+    "recording/export/glb.py": {"mesh"},  # glTF's own word
     "stability/cells.py": {"mesh"},
     "stability/dressed.py": {"frame"},  # of a clip
+    "tradeoff/scenes.py": {"sphere"},  # the public function that makes one
 }
 """Words that name a kind of collider in `contact/kinds`, and something else in these files."""
 
