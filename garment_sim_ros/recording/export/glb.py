@@ -122,18 +122,17 @@ def _add_garment(
     normal, turned = normals_of(positions, surface.triangles, shapes)
     count = len(shapes.targets)
     # Without a buffer view all are zero: one for all targets that turn no normals.
-    still = None
+    still: int | None = None
     if count > len(turned):
         entry = {"componentType": 5126, "count": len(normal), "type": "VEC3"}
         still = glb.add("accessors", entry)
     targets = []
     for k, target in enumerate(shapes.targets):
         moved = glb.accessor(target @ AXES_FROM_Y_UP.astype("f4"), target=VERTICES, bounds=True)
+        normals = still
         if k < len(turned):
-            of_normal = glb.accessor(turned[k] @ AXES_FROM_Y_UP.astype("f4"), target=VERTICES)
-        else:
-            of_normal = still
-        targets.append({"POSITION": moved, "NORMAL": of_normal})
+            normals = glb.accessor(turned[k] @ AXES_FROM_Y_UP.astype("f4"), target=VERTICES)
+        targets.append({"POSITION": moved, "NORMAL": normals})
     primitive = _primitive(film, name, surface, shapes.base, normal)
     mesh: dict[str, Any] = {"name": name, "primitives": [primitive]}
     if targets:
