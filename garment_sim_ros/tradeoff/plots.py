@@ -142,10 +142,12 @@ def _chart(
         colour = _COLOUR.get(row["solver"], _INK)
         _mark(canvas, (x, y), row["solver"], not row["faults"])
         if row in best:
-            canvas.text(x + 9, y - 9, f"{row['sub_steps']}x{row['passes']}", colour, "l")
+            side = (-1) ** best.index(row)  # by turns, as neighbours may be close
+            words = f"{row['sub_steps']}x{row['passes']}"
+            canvas.text(x + 9 * side, y - 9 * side, words, colour, "l" if side > 0 else "r")
     for n, solver in enumerate(s for s in _COLOUR if any(r["solver"] == s for r in rows)):
-        _mark(canvas, (right - 110, 14 + 15 * n), solver, True)
-        canvas.text(right - 98, 14 + 15 * n, solver, _COLOUR[solver], "l")
+        _mark(canvas, (right - 310 + 110 * n, 14), solver, True)
+        canvas.text(right - 298 + 110 * n, 14, solver, _COLOUR[solver], "l")
 
 
 def _mark(canvas: _Canvas, at: tuple[float, float], solver: str, valid: bool) -> None:
