@@ -3,10 +3,11 @@
     python bench/presets.py [--preset fast balanced accurate] [--set NODE.PARAM=VALUE ...]
         [--body F] [--clip F ...] [--seconds 3] [--write]
 
-A T-shirt and a short skirt of 1,503 and 1,687 vertices on the mannequin, or `--body`, 60 frames a second:
-the built-in walk, and a cartwheel of the shared data where it is there ($GARMENT_SIM_DATA), else the
-walk at twice the speed. Cost is processor time of a frame of one thread, all contacts included,
-its median; all presets take turns, frame by frame, so that their ratios hold on a busy machine.
+A T-shirt and a short skirt of 1,503 and 1,687 vertices on the mannequin, or `--body`, 60 frames
+a second: the built-in walk, and a cartwheel of the shared data where it is there
+($GARMENT_SIM_DATA), else the walk at twice the speed. Cost is processor time of a frame of one
+thread, all contacts included, its median; all presets take turns, frame by frame, so that their
+ratios hold on a busy machine.
 Stretch of mesh edges and `inside` are taken 10 times a second after the first half second;
 `pierced` is the share of all frames. Each ``--set`` is measured beside the presets, as balanced
 but for what it says. ``--write`` puts the figures into the heads of the presets' files.
