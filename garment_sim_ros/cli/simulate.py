@@ -125,13 +125,13 @@ def _tasks(args: argparse.Namespace) -> list[_Task]:
         raise ParameterError(
             "--out" if inputs else "--clip", "missing", "allowed: --clip F or --bag F, --out BAG"
         )
-    for option in ("seconds", "rate") if args.bag else ():
+    for option in ("seconds", "rate") if not args.clip else ():
         if getattr(args, option):
-            raise ParameterError(f"--{option}", "found with --bag", "allowed: with --clip")
-    for option in ("namespace", "begin_with") if args.clip else ():
+            raise ParameterError(f"--{option}", "found without --clip", "allowed: with it")
+    for option in ("namespace", "begin_with") if not args.bag else ():
         if getattr(args, option):
             name = option.replace("_", "-")
-            raise ParameterError(f"--{name}", "found with --clip", "allowed: with --bag")
+            raise ParameterError(f"--{name}", "found without --bag", "allowed: with it")
     names = [Path(s).stem.replace(":", "_") for _, s in inputs]
     for name in names:
         if names.count(name) > 1:

@@ -231,7 +231,7 @@ def test_recordings_that_are_cut_short(recorded, outfit, tmp_path, capsys):
         (("--clip", "walk", "--outfit", "none.yaml", "--out", "{}/o"), "none.yaml: "),
         (("--clip", "walk", "--seconds", "nan", "--out", "{}/o"), "--seconds: found nan"),
         (("--clip", "walk", "--rate", "-1", "--out", "{}/o"), "rate: found -1"),
-        (("--bag", "b", "--seconds", "1", "--out", "{}/o"), "--seconds: found with --bag"),
+        (("--bag", "b", "--seconds", "1", "--out", "{}/o"), "--seconds: found without --clip"),
         (("--clip", "walk", "--begin-with", "joint_states", "--out", "{}/o"), "--begin-with: "),
         (("--clip", "walk", "walk", "--out", "{}/o"), "two inputs named 'walk'"),
         (("--clip", "walk", "--jobs", "0", "--out", "{}/o"), "--jobs: found 0"),
