@@ -291,7 +291,7 @@ def test_several_inputs_and_a_killed_process(recorded, outfit, tmp_path):
 def children(parent):
     """Processes that a process has started to simulate in."""
     found = subprocess.run(
-        ["ps", "-o", "pid=,args=", "--ppid", str(parent)],
+        ["ps", "-ww", "-o", "pid=,args=", "--ppid", str(parent)],
         capture_output=True,
         text=True,
         check=True,
