@@ -25,6 +25,8 @@ EXAMPLE = "garment-sim simulate --clip dance.bvh --body avatar.glb --out dance"
 
 UNUSABLE = 2
 _MOST_JOBS = 256
+_PATIENCE = 5.0
+"""For a process to clean up [s]."""
 _PARTIAL = ".partial-*"
 _is_at_work = False
 
@@ -125,13 +127,13 @@ def _tasks(args: argparse.Namespace) -> list[_Task]:
         raise ParameterError(
             "--out" if inputs else "--clip", "missing", "allowed: --clip F or --bag F, --out BAG"
         )
-    for option in ("seconds", "rate") if args.bag else ():
+    for option in ("seconds", "rate") if not args.clip else ():
         if getattr(args, option):
-            raise ParameterError(f"--{option}", "found with --bag", "allowed: with --clip")
-    for option in ("namespace", "begin_with") if args.clip else ():
+            raise ParameterError(f"--{option}", "found without --clip", "allowed: with it")
+    for option in ("namespace", "begin_with") if not args.bag else ():
         if getattr(args, option):
             name = option.replace("_", "-")
-            raise ParameterError(f"--{name}", "found with --clip", "allowed: with --bag")
+            raise ParameterError(f"--{name}", "found without --bag", "allowed: with it")
     names = [Path(s).stem.replace(":", "_") for _, s in inputs]
     for name in names:
         if names.count(name) > 1:
@@ -200,9 +202,7 @@ def _spread(tasks: list[_Task], jobs: int, folder: Path) -> list[dict[str, Any]]
         pool.shutdown()
     except BaseException as error:
         pool.shutdown(wait=False, cancel_futures=True)
-        for process in active_children():
-            process.terminate()
-        pool.shutdown()
+        _end_all()
         # Of a process that was killed: it could not clean up itself.
         for partial in set(folder.glob(_PARTIAL)) - before:
             shutil.rmtree(partial, ignore_errors=True)
@@ -215,6 +215,18 @@ def _spread(tasks: list[_Task], jobs: int, folder: Path) -> list[dict[str, Any]]
     if failed:
         raise failed[min(failed)]
     return [results[k] for k in range(len(tasks))]
+
+
+def _end_all() -> None:
+    """End the processes politely, so that they clean up; those that do not listen, at once."""
+    processes = active_children()
+    for process in processes:
+        process.terminate()
+    for process in processes:
+        process.join(_PATIENCE)
+        if process.is_alive():
+            process.kill()
+            process.join()
 
 
 def _begin_process() -> None:

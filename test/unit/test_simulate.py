@@ -231,7 +231,7 @@ def test_recordings_that_are_cut_short(recorded, outfit, tmp_path, capsys):
         (("--clip", "walk", "--outfit", "none.yaml", "--out", "{}/o"), "none.yaml: "),
         (("--clip", "walk", "--seconds", "nan", "--out", "{}/o"), "--seconds: found nan"),
         (("--clip", "walk", "--rate", "-1", "--out", "{}/o"), "rate: found -1"),
-        (("--bag", "b", "--seconds", "1", "--out", "{}/o"), "--seconds: found with --bag"),
+        (("--bag", "b", "--seconds", "1", "--out", "{}/o"), "--seconds: found without --clip"),
         (("--clip", "walk", "--begin-with", "joint_states", "--out", "{}/o"), "--begin-with: "),
         (("--clip", "walk", "walk", "--out", "{}/o"), "two inputs named 'walk'"),
         (("--clip", "walk", "--jobs", "0", "--out", "{}/o"), "--jobs: found 0"),
@@ -291,7 +291,7 @@ def test_several_inputs_and_a_killed_process(recorded, outfit, tmp_path):
 def children(parent):
     """Processes that a process has started to simulate in."""
     found = subprocess.run(
-        ["ps", "-o", "pid=,args=", "--ppid", str(parent)],
+        ["ps", "-ww", "-o", "pid=,args=", "--ppid", str(parent)],
         capture_output=True,
         text=True,
         check=True,
