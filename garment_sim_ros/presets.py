@@ -9,7 +9,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from garment_sim_ros.declaration import Declaration, checked, declarations, nearest, shown, validated
+from garment_sim_ros.declaration import (
+    Declaration,
+    checked,
+    declarations,
+    nearest,
+    shown,
+    validated,
+)
 from garment_sim_ros.errors import InputFileError, ParameterError
 from garment_sim_ros.nodes import NODES
 from garment_sim_ros.params import ClothNodeParameters, ColliderOptions, LifecycleParameters

@@ -91,8 +91,9 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         with reporting(self.get_logger().info, "compile, or load what is compiled") as tell:
             check_wind(self._environment.values)
             # The description may tell of other colliders than the outfit asks for.
-            scene = expected_scene(file, usual_colliders(self.preset))
-            compiler.expect(scene, self._forces(), tell)
+            compiler.expect(
+                expected_scene(file, usual_colliders(self.preset)), self._forces(), tell
+            )
         # Last: by now `collider_node` may have left it in the cache.
         with reporting(self.get_logger().info, f"load the body {p.body}"):
             body = load_body(p.body, bone_names=p.body_bone_names)
@@ -331,8 +332,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             return
         self._take_over_forces()
         self._late_frames += ticks - 1 if self._frames else 0
-        self._step_ms = 0.0
-        moved = False
+        self._step_ms, moved = 0.0, False
         if not self._paused:
             try:
                 moved = self._advance(stepper.target(time.monotonic_ns()), in_time=True)
