@@ -10,7 +10,6 @@ import struct
 import sys
 from pathlib import Path
 
-import bpy
 import numpy as np
 
 _RATE = 60
@@ -63,4 +62,6 @@ def main(glb, folder):
 
 
 if __name__ == "__main__":
+    import bpy
+
     main(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -91,9 +91,8 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         with reporting(self.get_logger().info, "compile, or load what is compiled") as tell:
             check_wind(self._environment.values)
             # The description may tell of other colliders than the outfit asks for.
-            compiler.expect(
-                expected_scene(file, usual_colliders(self.preset)), self._forces(), tell
-            )
+            usual = usual_colliders(self.preset)
+            compiler.expect(expected_scene(file, usual), self._forces(), tell)
         # Last: by now `collider_node` may have left it in the cache.
         with reporting(self.get_logger().info, f"load the body {p.body}"):
             body = load_body(p.body, bone_names=p.body_bone_names)
@@ -362,8 +361,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         if self._quality.get_subscription_count():
             figures: dict[str, object] = {
                 **{"step_ms": self._step_ms, "late_frames": self._late_frames},
-                "coarse_s": stepper.coarse / SECOND,
-                "skipped_s": stepper.skipped / SECOND,
+                **{"coarse_s": stepper.coarse / SECOND, "skipped_s": stepper.skipped / SECOND},
             }
             message = DiagnosticArray(
                 status=[q.status(figures, resets=stepper.resets) for q in self._qualities]
