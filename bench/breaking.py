@@ -95,17 +95,12 @@ class Wearer:
 
     def play(self, cause: Cause | None) -> Frames:
         """One run."""
-        p = ClothNodeParameters()
         simulation = self.simulation = Simulation(self.garments, self.colliders)
-        self.stepper = stepper = ClothStepper(
+        self.stepper = stepper = ClothStepper.with_parameters(
             simulation,
+            ClothNodeParameters(),
             delay=0.0,
-            catch_up=p.catch_up,
-            teleport_speed=p.teleport_speed,
-            teleport_turn_rate=p.teleport_turn_rate,
             on_teleport=cause.on_teleport if cause else "reset",
-            time_jump=p.time_jump,
-            longest_lag=p.longest_lag,
         )
         frames, jumps = Frames(), JumpMeter(self.body.skin.vertices)
         pierced = PiercedSoFar(self.colliders, [g.name for g in self.garments])

@@ -13,8 +13,9 @@ import numpy as np
 import rclpy
 from rclpy.lifecycle import LifecycleNode
 
-from garment_sim_ros.ros.interfaces import GARMENT_MESH, GARMENT_POINTS, advertise
+from garment_sim_ros.ros.interfaces import advertise
 from garment_sim_ros.ros.serialize import PointCloud, TriangleMarker
+from garment_sim_ros.ros.topics import GARMENT_MESH, GARMENT_POINTS
 
 ROWS, COLUMNS = 51, 51  # vertices: 5,000 triangles
 REPEATS = 600

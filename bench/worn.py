@@ -128,17 +128,8 @@ def plain(simulation: Simulation, path: list, _: float) -> Iterator[tuple[int, b
 
 def by_the_node(simulation: Simulation, path: list, every: int) -> Iterator[tuple[int, bool]]:
     """The same through the node's clock: poses every so many frames, or with stalls (0)."""
-    p = ClothNodeParameters()
-    stepper = ClothStepper(
-        simulation,
-        delay=0.0 if every == 0 else every * FRAME,
-        catch_up=p.catch_up,
-        teleport_speed=p.teleport_speed,
-        teleport_turn_rate=p.teleport_turn_rate,
-        on_teleport=p.on_teleport,
-        time_jump=p.time_jump,
-        longest_lag=p.longest_lag,
-    )
+    delay = 0.0 if every == 0 else every * FRAME
+    stepper = ClothStepper.with_parameters(simulation, ClothNodeParameters(), delay=delay)
     last_stall = -1.0
     for n, poses in enumerate(path):
         t = n * FRAME

@@ -19,6 +19,9 @@ from garment_sim_ros.mocap.euler import euler_near
 from garment_sim_ros.mocap.root_motion import RootMotion
 
 REPEATS = ("once", "loop", "carry")
+_RATES = (1.0, 1000.0)
+"""Samples per second that clips are played at [Hz]."""
+_RATE_OF_STILLS = 60.0
 _TURN = 2.0 * np.pi
 _SAME = 1e-3
 """Rotations [rad] and lengths [m] that close a loop when they differ by less."""
@@ -111,6 +114,13 @@ class ClipSampler:
 def sample(clip: Clip, t: float, repeat: str = "once") -> FloatArray:
     """Channel values of a clip at one time; `ClipSampler` is faster for many times."""
     return ClipSampler(clip, repeat).sample(t)
+
+
+def rate_of(clip: Clip) -> float:
+    """Samples per second of a clip, within what is played [Hz]."""
+    if len(clip.times) < 2:
+        return _RATE_OF_STILLS
+    return float(np.clip(1.0 / np.median(np.diff(clip.times)), *_RATES))
 
 
 def closes(clip: Clip) -> bool:

@@ -24,12 +24,12 @@ from garment_sim_ros.ros.conversions import StampedPoses, poses_from, text_from
 from garment_sim_ros.ros.diagnostics import Condition
 from garment_sim_ros.ros.dresser import Dressed, Dresser
 from garment_sim_ros.ros.garment_publishers import GarmentPublishers, GarmentQuality
-from garment_sim_ros.ros.interfaces import COLLIDER_DESCRIPTION, COLLIDER_POSES, QUALITY
 from garment_sim_ros.ros.lifecycle import ManagedNode
 from garment_sim_ros.ros.process import run
 from garment_sim_ros.ros.progress import reporting
 from garment_sim_ros.ros.rclpy_internals import PARTICIPANT, Taken
 from garment_sim_ros.ros.sources import OTHER_PUBLISHER, Source
+from garment_sim_ros.ros.topics import COLLIDER_DESCRIPTION, COLLIDER_POSES, QUALITY
 from garment_sim_ros.sim.account import account, in_words
 from garment_sim_ros.sim.health import totals
 from garment_sim_ros.sim.model import Parameters
@@ -262,16 +262,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             simulation.parameters = self._forces()
         except ParameterError as error:  # set while the garments were made
             raise MessageError(COLLIDER_DESCRIPTION.name, str(error)) from error
-        self._stepper = ClothStepper(
-            simulation,
-            delay=p.delay,
-            catch_up=p.catch_up,
-            teleport_speed=p.teleport_speed,
-            teleport_turn_rate=p.teleport_turn_rate,
-            on_teleport=p.on_teleport,
-            time_jump=p.time_jump,
-            longest_lag=p.longest_lag,
-        )
+        self._stepper = ClothStepper.with_parameters(simulation, p)
         self._watch = dressed.watch
         self._qualities = [
             GarmentQuality(name, simulation, dressed.watch) for name in simulation.names

@@ -2,9 +2,11 @@
 
 from collections import deque
 from statistics import median
+from typing import Any
 
 from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.errors import MessageError
+from garment_sim_ros.params import ClothNodeParameters
 from garment_sim_ros.ros.pose_buffer import PoseBuffer
 from garment_sim_ros.ros.stamp_order import StampOrder
 from garment_sim_ros.sim.simulation import Simulation
@@ -97,6 +99,22 @@ class ClothStepper:
         self._jumped = -_UNSTEADY
         count = len(simulation.collider_set)
         self._now, self._next = ColliderPoses.identity(count), ColliderPoses.identity(count)
+
+    @classmethod
+    def with_parameters(
+        cls, simulation: Simulation, p: ClothNodeParameters, **others: Any
+    ) -> "ClothStepper":
+        """As the node's parameters have it, with single ones replaced by others."""
+        values = {
+            "delay": p.delay,
+            "catch_up": p.catch_up,
+            "teleport_speed": p.teleport_speed,
+            "teleport_turn_rate": p.teleport_turn_rate,
+            "on_teleport": p.on_teleport,
+            "time_jump": p.time_jump,
+            "longest_lag": p.longest_lag,
+        }
+        return cls(simulation, **{**values, **others})
 
     def add(
         self, stamp: int, poses: ColliderPoses, arrival: int, *, new_sender: bool = False

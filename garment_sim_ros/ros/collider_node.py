@@ -16,14 +16,6 @@ from garment_sim_ros.params import ColliderNodeParameters
 from garment_sim_ros.ros.background import Background
 from garment_sim_ros.ros.conversions import JointStates, text_from
 from garment_sim_ros.ros.diagnostics import Condition
-from garment_sim_ros.ros.interfaces import (
-    COLLIDER_DESCRIPTION,
-    COLLIDER_MARKERS,
-    COLLIDER_POSES,
-    JOINT_STATES,
-    ROBOT_DESCRIPTION,
-    ROOT_POSE,
-)
 from garment_sim_ros.ros.joint_channels import MISSING, UNKNOWN, JointChannels
 from garment_sim_ros.ros.lifecycle import ManagedNode
 from garment_sim_ros.ros.posed_avatar import PosedAvatar, Skeleton, read_skeleton, wear
@@ -32,6 +24,14 @@ from garment_sim_ros.ros.progress import reporting
 from garment_sim_ros.ros.rclpy_internals import Taken
 from garment_sim_ros.ros.sources import Source
 from garment_sim_ros.ros.stamp_order import StampOrder
+from garment_sim_ros.ros.topics import (
+    COLLIDER_DESCRIPTION,
+    COLLIDER_MARKERS,
+    COLLIDER_POSES,
+    JOINT_STATES,
+    ROBOT_DESCRIPTION,
+    ROOT_POSE,
+)
 from garment_sim_ros.stamps import SECOND
 from garment_sim_ros.stepping_back import step_back
 

@@ -11,8 +11,9 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode
 
 from garment_sim_ros.errors import MessageError
-from garment_sim_ros.ros.interfaces import DIAGNOSTICS, advertise_always
+from garment_sim_ros.ros.interfaces import advertise_always
 from garment_sim_ros.ros.sources import OTHER_PUBLISHER
+from garment_sim_ros.ros.topics import DIAGNOSTICS
 
 _PERIOD = 1.0
 _LOG_PERIOD = 10.0

@@ -14,13 +14,9 @@ from garment_sim_ros.ros.garment_messages import (
     garment_marker,
     topology,
 )
-from garment_sim_ros.ros.interfaces import (
-    GARMENT_MESH,
-    GARMENT_POINTS,
-    GARMENT_TOPOLOGY,
-)
 from garment_sim_ros.ros.lifecycle import ManagedNode
 from garment_sim_ros.ros.serialize import PointCloud, TriangleMarker
+from garment_sim_ros.ros.topics import GARMENT_MESH, GARMENT_POINTS, GARMENT_TOPOLOGY
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.state import State

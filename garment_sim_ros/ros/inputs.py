@@ -11,9 +11,10 @@ from collections.abc import Callable, Sequence
 from rclpy.lifecycle import LifecycleNode
 
 from garment_sim_ros.errors import GarmentSimError, MessageError
-from garment_sim_ros.ros.interfaces import Topic, subscribe
+from garment_sim_ros.ros.interfaces import subscribe
 from garment_sim_ros.ros.rclpy_internals import Taken, Taker, Waiter
 from garment_sim_ros.ros.sources import Source
+from garment_sim_ros.ros.topics import Topic
 from garment_sim_ros.stamps import SECOND
 
 UNUSABLE = "unusable"

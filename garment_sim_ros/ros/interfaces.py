@@ -1,7 +1,7 @@
 """Publishers and subscriptions of the topics in `topics`, with their quality of service.
 
-Profiles can be overridden by the ROS
-parameters ``qos_overrides.<topic>.<publisher or subscription>.<policy>``.
+Profiles can be overridden by the ROS parameters
+``qos_overrides.<topic>.<publisher or subscription>.<policy>``.
 """
 
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
@@ -11,40 +11,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from garment_sim_ros.ros.rclpy_internals import Unattended
-from garment_sim_ros.ros.topics import (
-    CLOCK,
-    COLLIDER_DESCRIPTION,
-    COLLIDER_MARKERS,
-    COLLIDER_POSES,
-    DIAGNOSTICS,
-    GARMENT_MESH,
-    GARMENT_POINTS,
-    GARMENT_TOPOLOGY,
-    JOINT_STATES,
-    QUALITY,
-    ROBOT_DESCRIPTION,
-    ROOT_POSE,
-    Topic,
-)
-
-__all__ = [
-    "CLOCK",
-    "COLLIDER_DESCRIPTION",
-    "COLLIDER_MARKERS",
-    "COLLIDER_POSES",
-    "DIAGNOSTICS",
-    "GARMENT_MESH",
-    "GARMENT_POINTS",
-    "GARMENT_TOPOLOGY",
-    "JOINT_STATES",
-    "QUALITY",
-    "ROBOT_DESCRIPTION",
-    "ROOT_POSE",
-    "Topic",
-    "advertise",
-    "advertise_always",
-    "subscribe",
-]
+from garment_sim_ros.ros.topics import Topic
 
 _OVERRIDABLE = (
     QoSPolicyKind.HISTORY,
@@ -59,7 +26,7 @@ def advertise(node: LifecycleNode, topic: Topic, garment: str = "") -> Lifecycle
 
     Args:
         node: The node.
-        topic: From the table above.
+        topic: From `topics`.
         garment: Whose, for the topics of garments.
     """
     publisher: LifecyclePublisher = node.create_lifecycle_publisher(

@@ -23,7 +23,7 @@ from garment_sim_ros.params import LifecycleParameters, idle
 from garment_sim_ros.presets import preset_values
 from garment_sim_ros.ros.diagnostics import Condition, Diagnostics, Rejections
 from garment_sim_ros.ros.inputs import Input, Inputs
-from garment_sim_ros.ros.interfaces import Topic, advertise, advertise_always
+from garment_sim_ros.ros.interfaces import advertise, advertise_always
 from garment_sim_ros.ros.parameters import NodeParameters, set_on
 from garment_sim_ros.ros.rclpy_internals import (
     Taken,
@@ -34,6 +34,7 @@ from garment_sim_ros.ros.rclpy_internals import (
 )
 from garment_sim_ros.ros.sources import Source
 from garment_sim_ros.ros.ticker import Ticker, Waits
+from garment_sim_ros.ros.topics import Topic
 from garment_sim_ros.stepping_back import libraries_step_back
 
 Group = TypeVar("Group")

@@ -2,7 +2,6 @@
 
 import sys
 
-import numpy as np
 from builtin_interfaces.msg import Time
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
@@ -10,20 +9,17 @@ from std_srvs.srv import SetBool, Trigger
 
 from garment_sim_ros.body.humanoid import load_humanoid_overrides
 from garment_sim_ros.errors import ParameterError
-from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.mocap.sampling import ClipSampler
+from garment_sim_ros.mocap.sampling import ClipSampler, rate_of
 from garment_sim_ros.mocap.source_urdf import urdf_from_clip
 from garment_sim_ros.params import MocapPlayerParameters
 from garment_sim_ros.ros.diagnostics import Condition
-from garment_sim_ros.ros.interfaces import CLOCK, JOINT_STATES, ROBOT_DESCRIPTION
 from garment_sim_ros.ros.lifecycle import ManagedNode
 from garment_sim_ros.ros.process import run
 from garment_sim_ros.ros.serialize import Joints
+from garment_sim_ros.ros.topics import CLOCK, JOINT_STATES, ROBOT_DESCRIPTION
 from garment_sim_ros.stamps import SECOND
 
-_RATES = (1.0, 1000.0)
-_RATE_OF_STILLS = 60.0
 _LONGEST_STALL = 60 * SECOND
 """A stamp so far from the one before is of a clock that was set [ns]."""
 
@@ -55,7 +51,7 @@ class MocapPlayer(ManagedNode[MocapPlayerParameters]):
         for note in clip.notes:
             self.get_logger().info(f"{clip.name}: {note}")
         repeat = ("carry" if p.travel else "loop") if p.loop else "once"
-        self._rate = p.rate or _rate_of(clip)
+        self._rate = p.rate or rate_of(clip)
         self._sampler = ClipSampler(clip, repeat)
         self._message = Joints(clip.rig.dofs.names, p.frame_id)
         # Compiles what the timer will run, in the first round and in later ones.
@@ -127,13 +123,6 @@ class MocapPlayer(ManagedNode[MocapPlayerParameters]):
         response.success = True
         response.message = "the body stands still" if self._paused else "playing"
         return response
-
-
-def _rate_of(clip: Clip) -> float:
-    """Samples per second of a clip, within what is played."""
-    if len(clip.times) < 2:
-        return _RATE_OF_STILLS
-    return float(np.clip(1.0 / np.median(np.diff(clip.times)), *_RATES))
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -36,6 +36,11 @@ class Topic:
     latched: bool = False
     subscribed_reliably: bool = True
 
+    @property
+    def kind(self) -> str:
+        """Name of the type, as sensor_msgs/msg/JointState."""
+        return f"{self.type.__module__.partition('.')[0]}/msg/{self.type.__name__}"
+
     def profile(self, *, subscribed: bool = False, keep_all: bool = False) -> "QoSProfile":
         """A new profile; overriding changes it in place."""
         # Here, so that recordings are written where there is no middleware.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from garment_sim_ros.colliders.report.fatness import Union
 from garment_sim_ros.contact.pierced import PiercedMeter
 from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh
+from garment_sim_ros.recording.own_sides import OwnSides
 from garment_sim_ros.stability.measures import Edges
 from garment_sim_ros.tradeoff.scenes import Staged
 
@@ -98,7 +99,8 @@ def _on_skin(
     avatar = staged.avatar
     assert avatar is not None
     skin = avatar.body.skin
-    meter = ClothMeter(skin.vertices, skin.triangles, meshes)
+    own = OwnSides.of(staged.garments, avatar.body)
+    meter = ClothMeter(skin.vertices, skin.triangles, meshes, own)
     for n in looks:
         posed = {name: x[n].astype(np.float64) for name, x in paths.items()}
         meter.add(avatar.skin(staged.joints[n]), posed)

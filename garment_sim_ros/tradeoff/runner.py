@@ -17,6 +17,7 @@ from garment_sim_ros.tradeoff.playing import Played, Player
 from garment_sim_ros.tradeoff.points import Point
 from garment_sim_ros.tradeoff.reference import Reference, reference, segments
 from garment_sim_ros.tradeoff.scenes import Staged, staged_scene
+from garment_sim_ros.tradeoff.table import Row
 
 REST = 2.0
 """RMS speed above which garments are not at rest [mm/s]; or twice that of the reference."""
@@ -24,8 +25,6 @@ _LOOSE = 0.5
 """Contacts that are dropped count after so long [s]."""
 _STATIC = 2.0
 """How long what the reference rests as is left alone [s]."""
-
-Row = dict[str, Any]
 
 
 def referenced(scene: str, kind: str, seconds: float, file: Path) -> Row:
@@ -111,7 +110,7 @@ def _judged(
     figures["dropped"] = max(loose)
     figures["mended"] = mended
     found = {
-        "pierced": figures["pierced"] > against.pierced,
+        "pierced": figures["pierced"] > 0.0,
         "not at rest": figures["rest_speed_mm_s"] > max(REST, 2.0 * against.rest_speed),
         "dropped contacts": figures["dropped"] > 0,
         "put right": mended > 0,

@@ -145,7 +145,7 @@ class Probe:
     def listen(
         self, topic: Any, garment: str = "", *, raw: bool = False, depth: int = 5000
     ) -> str:
-        """Collect messages of a topic of `ros.interfaces`; returns the key for `received`."""
+        """Collect messages of a topic of `ros.topics`; returns the key for `received`."""
         from rclpy.qos import QoSProfile
 
         profile = topic.profile()
@@ -170,7 +170,7 @@ class Probe:
         return self._received[name][start : start + count]
 
     def publish(self, topic: Any, message: Any) -> None:
-        """Publish on a topic of `ros.interfaces`, after its reader has been found."""
+        """Publish on a topic of `ros.topics`, after its reader has been found."""
         if topic.name not in self._publishers:
             publisher = self.node.create_publisher(topic.type, topic.name, topic.profile())
             wait_until(publisher.get_subscription_count, f"a reader of {topic.name}")

@@ -11,7 +11,7 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 
-from garment_sim_ros.ros.interfaces import CLOCK, COLLIDER_POSES, GARMENT_POINTS
+from garment_sim_ros.ros.topics import CLOCK, COLLIDER_POSES, GARMENT_POINTS
 
 pytestmark = pytest.mark.ros
 

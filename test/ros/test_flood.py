@@ -20,14 +20,14 @@ from std_msgs.msg import Header, String
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import ClipSampler
 from garment_sim_ros.mocap.source_urdf import urdf_from_clip
-from garment_sim_ros.ros.interfaces import (
+from garment_sim_ros.ros.serialize import Joints
+from garment_sim_ros.ros.topics import (
     COLLIDER_DESCRIPTION,
     COLLIDER_POSES,
     GARMENT_POINTS,
     JOINT_STATES,
     ROBOT_DESCRIPTION,
 )
-from garment_sim_ros.ros.serialize import Joints
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 

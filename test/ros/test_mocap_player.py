@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.ros.interfaces import CLOCK, JOINT_STATES, ROBOT_DESCRIPTION
+from garment_sim_ros.ros.topics import CLOCK, JOINT_STATES, ROBOT_DESCRIPTION
 
 pytestmark = pytest.mark.ros
 

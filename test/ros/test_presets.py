@@ -10,7 +10,7 @@ from rcl_interfaces.srv import GetParameters
 from ros_input.cloth import OUTFIT, Avatar
 
 from garment_sim_ros.presets import preset_file, preset_values
-from garment_sim_ros.ros.interfaces import COLLIDER_DESCRIPTION
+from garment_sim_ros.ros.topics import COLLIDER_DESCRIPTION
 
 pytestmark = pytest.mark.ros
 FAST = preset_values("fast", "cloth_node")

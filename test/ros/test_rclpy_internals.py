@@ -18,8 +18,9 @@ from std_msgs.msg import String
 
 import garment_sim_ros
 from garment_sim_ros.ros import rclpy_internals
-from garment_sim_ros.ros.interfaces import COLLIDER_DESCRIPTION, subscribe
+from garment_sim_ros.ros.interfaces import subscribe
 from garment_sim_ros.ros.rclpy_internals import PARTICIPANT, Taker, Waiter
+from garment_sim_ros.ros.topics import COLLIDER_DESCRIPTION
 
 SECOND = 10**9
 

@@ -14,10 +14,8 @@ from garment_sim_ros.colliders.capsules.capsules import fit_capsules
 from garment_sim_ros.colliders.description import to_json
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.shapes import ColliderPoses
-from garment_sim_ros.ros.interfaces import (
-    COLLIDER_POSES,
-)
 from garment_sim_ros.ros.serialize import Poses
+from garment_sim_ros.ros.topics import COLLIDER_POSES
 
 NAMESPACE = "/cloth_test"
 

@@ -7,10 +7,7 @@ from std_msgs.msg import Header
 
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.source_urdf import urdf_from_clip
-from garment_sim_ros.ros.interfaces import (
-    COLLIDER_POSES,
-    JOINT_STATES,
-)
+from garment_sim_ros.ros.topics import COLLIDER_POSES, JOINT_STATES
 
 NAMESPACE = "/collider_test"
 

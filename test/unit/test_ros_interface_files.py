@@ -149,9 +149,9 @@ def test_topics_are_those_promised():
     pytest.importorskip("rclpy")
     from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy
 
-    from garment_sim_ros.ros import interfaces
+    from garment_sim_ros.ros import topics as table
 
-    topics = {t.name: t for t in vars(interfaces).values() if isinstance(t, interfaces.Topic)}
+    topics = {t.name: t for t in vars(table).values() if isinstance(t, table.Topic)}
     assert set(topics) == {*TOPICS, "/clock", "/diagnostics"}
     for name, (kind, depth, latched, *reliable) in TOPICS.items():
         topic = topics[name]

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 
+import psutil
 import pytest
 
 pytest.importorskip("sensor_msgs")
@@ -290,14 +291,8 @@ def test_several_inputs_and_a_killed_process(recorded, outfit, tmp_path):
 
 def children(parent):
     """Processes that a process has started to simulate in."""
-    found = subprocess.run(
-        ["ps", "-ww", "-o", "pid=,args=", "--ppid", str(parent)],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout
-    lines = [line.split(maxsplit=1) for line in found.splitlines()]
-    return [int(pid) for pid, words in lines if "spawn_main" in words]
+    found = psutil.Process(parent).children()
+    return [p.pid for p in found if any("spawn_main" in word for word in p.cmdline())]
 
 
 def test_no_middleware_is_loaded():

@@ -184,9 +184,10 @@ class TestRunner:
         row = runner.measure(*[hung[0], XPBD, hung[1]], repeats=1)
         assert fault in row["faults"]
 
-    def test_pierced_more_often_than_the_reference_is_a_failure(self, hung, monkeypatch):
+    def test_pierced_is_a_failure_even_where_the_reference_is(self, hung, monkeypatch):
         monkeypatch.setattr(metrics, "pierced", lambda staged, paths: 0.25)
-        assert "pierced" in runner.measure(*[hung[0], XPBD, hung[1]], repeats=1)["faults"]
+        against = replace(hung[1], pierced=0.5)
+        assert "pierced" in runner.measure(hung[0], XPBD, against, repeats=1)["faults"]
 
     def test_what_cannot_be_simulated_says_so(self, hung, monkeypatch, tmp_path):
         hung[1].save(tmp_path / "r.npz")

@@ -11,10 +11,12 @@ from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.ros.cdr import encode
 from garment_sim_ros.ros.offline.inputs import Message
 from garment_sim_ros.ros.offline.work import Work
+from garment_sim_ros.ros.topics import Topic
 from garment_sim_ros.stamps import SECOND
 
-SIMULATION, STATE_HASH = "simulation", "state_hash"
-"""Topics of a simulation's setup and of its hashes, both std_msgs/String with JSON."""
+SIMULATION = Topic(name="simulation", type=String, depth=1, latched=True)
+STATE_HASH = Topic(name="state_hash", type=String, depth=10)
+"""A simulation's setup and its hashes, as JSON; only recordings have them."""
 
 Timed = tuple[str, int, bytes]
 """Relative name, time in the recording [ns] and bytes of a message."""
@@ -58,7 +60,7 @@ class SecondHash:
             )
         except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise InputFileError(
-                path, f"{STATE_HASH} cannot be read ({type(error).__name__}: {error})"
+                path, f"{STATE_HASH.name} cannot be read ({type(error).__name__}: {error})"
             ) from None
 
 
@@ -108,8 +110,8 @@ def simulated(work: Work, messages: Iterable[Message], setup: str) -> Iterator[T
         sent: Iterable[tuple[str, bytes]] = work.take(message)
         if time is None:
             setup_data = encode(String(data=setup))
-            hashes.add(SIMULATION, message.time, setup_data)
-            yield SIMULATION, message.time, setup_data
+            hashes.add(SIMULATION.name, message.time, setup_data)
+            yield SIMULATION.name, message.time, setup_data
         time = message.time
         frames = work.cloth.frames
         for topic, data in sent:
@@ -138,4 +140,4 @@ def _of(work: Work, second: int) -> SecondHash:
 
 def _told(due: SecondHash, hashes: MessageHash, time: int) -> Timed:
     found = SecondHash(**{**asdict(due), "messages": hashes.take()})
-    return STATE_HASH, time, encode(String(data=found.text))
+    return STATE_HASH.name, time, encode(String(data=found.text))

@@ -5,16 +5,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from rosbags.interfaces import Connection
 from std_msgs.msg import String
 
 from garment_sim_ros.body.humanoid import load_humanoid_overrides
 from garment_sim_ros.errors import InputFileError, ParameterError
 from garment_sim_ros.mocap.bag_file import Bag, opened_bag
-from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.clips import load_clip
-from garment_sim_ros.mocap.sampling import ClipSampler
+from garment_sim_ros.mocap.sampling import ClipSampler, rate_of
 from garment_sim_ros.mocap.source_urdf import urdf_from_clip
 from garment_sim_ros.params import MocapPlayerParameters
 from garment_sim_ros.ros.cdr import encode
@@ -29,19 +27,11 @@ from garment_sim_ros.ros.topics import (
 )
 from garment_sim_ros.stamps import SECOND
 
-_RATES = (1.0, 1000.0)
-_RATE_OF_STILLS = 60.0
 _LONGEST = 24 * 3600.0
 """Longest time that a clip is played for [s]."""
 _NEEDED = {
     JOINTS: (ROBOT_DESCRIPTION, JOINT_STATES),
     POSES: (COLLIDER_DESCRIPTION, COLLIDER_POSES),
-}
-_TYPES = {
-    JOINT_STATES: "sensor_msgs/msg/JointState",
-    COLLIDER_POSES: "geometry_msgs/msg/PoseArray",
-    ROBOT_DESCRIPTION: "std_msgs/msg/String",
-    COLLIDER_DESCRIPTION: "std_msgs/msg/String",
 }
 
 
@@ -75,13 +65,6 @@ class Input:
     count: int
     namespace: str
     begins_with: str
-
-
-def rate_of(clip: Clip) -> float:
-    """Samples per second of a clip, within what is played [Hz]."""
-    if len(clip.times) < 2:
-        return _RATE_OF_STILLS
-    return float(np.clip(1.0 / np.median(np.diff(clip.times)), *_RATES))
 
 
 def from_clip(p: MocapPlayerParameters, seconds: float | None = None) -> Input:
@@ -173,7 +156,7 @@ def _chosen(
 
 def _is(connection: Connection, topic: Topic) -> bool:
     name = connection.topic.rpartition("/")[2]
-    return name == topic.name and connection.msgtype == _TYPES[topic]
+    return name == topic.name and connection.msgtype == topic.kind
 
 
 def _in_order(path: str | Path, bag: Bag, topics: dict[Topic, Connection]) -> Iterator[Message]:

@@ -41,22 +41,15 @@ Progress = Callable[[Iterator[Message], int], Iterator[Message]]
 """Passes messages on, of which there are so many, and shows how far they are."""
 
 _NAME = "simulation"
-_STRING = "std_msgs/msg/String"
-_KINDS = {
-    ROBOT_DESCRIPTION.name: (_STRING, True),
-    JOINT_STATES.name: ("sensor_msgs/msg/JointState", False),
-    COLLIDER_DESCRIPTION.name: (_STRING, True),
-    COLLIDER_POSES.name: ("geometry_msgs/msg/PoseArray", False),
-    COLLIDER_MARKERS.name: ("visualization_msgs/msg/MarkerArray", False),
-    ROOT_POSE.name: ("geometry_msgs/msg/PoseStamped", False),
-    SIMULATION: (_STRING, True),
-    STATE_HASH: (_STRING, False),
+_TOPICS = {
+    topic.name.rpartition("/")[2]: topic
+    for topic in (
+        *(ROBOT_DESCRIPTION, JOINT_STATES, COLLIDER_DESCRIPTION, COLLIDER_POSES),
+        *(COLLIDER_MARKERS, ROOT_POSE, GARMENT_POINTS, GARMENT_MESH, GARMENT_TOPOLOGY),
+        *(SIMULATION, STATE_HASH),
+    )
 }
-_OF_GARMENTS = {
-    GARMENT_POINTS.name.rpartition("/")[2]: ("sensor_msgs/msg/PointCloud2", False),
-    GARMENT_MESH.name.rpartition("/")[2]: ("visualization_msgs/msg/Marker", False),
-    GARMENT_TOPOLOGY.name.rpartition("/")[2]: ("shape_msgs/msg/Mesh", True),
-}
+"""What is written, by the last part of its name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,15 +107,15 @@ def record(
             messages = progress(source.messages, source.count)
             for topic, time, data in simulated(work, messages, setup.text):
                 if topic not in connections:
-                    kind, latched = _KINDS.get(topic) or _OF_GARMENTS[topic.rpartition("/")[2]]
+                    of = _TOPICS[topic.rpartition("/")[2]]
                     connections[topic] = writer.add_connection(
                         f"{source.namespace}/{topic}",
-                        kind,
+                        of.kind,
                         typestore=types,
-                        offered_qos_profiles=[offered(reliable=True, latched=latched)],
+                        offered_qos_profiles=[offered(reliable=True, latched=of.latched)],
                     )
                 writer.write(connections[topic], time, data)
-                if topic == STATE_HASH:
+                if topic == STATE_HASH.name:
                     found = SecondHash.from_text(text_from(data), out)
                     last, final = found.stamp, found.state
                 elif begin is None and work.cloth.frames and work.cloth.stepper is not None:
@@ -171,13 +164,19 @@ def read_recorded(path: str | Path) -> Recorded:
         space, setup = _setup(path, bag)
         prefix = f"{space}/"
         topics = [c for c in bag.connections if c.topic.startswith(prefix)]
-        told = [c for c in topics if c.topic == prefix + STATE_HASH and c.msgtype == _STRING]
+        told = [
+            c
+            for c in topics
+            if c.topic == prefix + STATE_HASH.name and c.msgtype == STATE_HASH.kind
+        ]
         times, hashes = [], []
         for _, time, data in bag.messages(told) if told else ():
             times.append(time)
             hashes.append(SecondHash.from_text(_text(path, data), path))
         if not hashes:
-            raise InputFileError(path, f"holds no {STATE_HASH}", "allowed: what simulate wrote")
+            raise InputFileError(
+                path, f"holds no {STATE_HASH.name}", "allowed: what simulate wrote"
+            )
         counted = [MessageHash() for _ in hashes]
         for connection, time, data in bag.messages([c for c in topics if c not in told]):
             # What came after all hashes is counted in the last: it was not there.
@@ -202,10 +201,10 @@ def _setup(path: str | Path, bag: Bag) -> tuple[str, str]:
     """Namespace and text."""
     for connection in bag.connections:
         space, _, name = connection.topic.rpartition("/")
-        if name == SIMULATION and connection.msgtype == _STRING:
+        if name == SIMULATION.name and connection.msgtype == SIMULATION.kind:
             for _, _, data in bag.messages([connection]):
                 return space, _text(path, data)
-    raise InputFileError(path, f"holds no {SIMULATION}", "allowed: what simulate wrote")
+    raise InputFileError(path, f"holds no {SIMULATION.name}", "allowed: what simulate wrote")
 
 
 def _text(path: str | Path, data: bytes) -> str:
@@ -243,7 +242,7 @@ def verify(path: str | Path, progress: Progress = _plainly) -> dict[str, Any]:
         work = Work(recorded.setup)
         messages = progress(source.messages, source.count)
         for topic, _, data in simulated(work, messages, recorded.setup.text):
-            if topic != STATE_HASH:
+            if topic != STATE_HASH.name:
                 continue
             found = SecondHash.from_text(text_from(data), path)
             if place == len(recorded.hashes):

@@ -169,16 +169,7 @@ class Cloth:
         except GarmentSimError as error:
             raise MessageError(COLLIDER_DESCRIPTION.name, str(error)) from error
         self._revision = colliders.revision
-        self.stepper = ClothStepper(
-            simulation,
-            delay=p.delay,
-            catch_up=p.catch_up,
-            teleport_speed=p.teleport_speed,
-            teleport_turn_rate=p.teleport_turn_rate,
-            on_teleport=p.on_teleport,
-            time_jump=p.time_jump,
-            longest_lag=p.longest_lag,
-        )
+        self.stepper = ClothStepper.with_parameters(simulation, p)
         for number, garment in enumerate(outfit.garments):
             count = self.garments[garment.name] = len(garment.vertices)
             self._points[garment.name] = PointCloud(count, p.frame_id, normals=p.normals)

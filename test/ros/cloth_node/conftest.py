@@ -18,7 +18,7 @@ if find_spec("rclpy"):
         stamp_of,
     )
 
-    from garment_sim_ros.ros.interfaces import (
+    from garment_sim_ros.ros.topics import (
         COLLIDER_DESCRIPTION,
         COLLIDER_POSES,
         GARMENT_MESH,

@@ -12,10 +12,7 @@ from rclpy.serialization import serialize_message
 from ros_input.cloth import NAMESPACE, SECOND, Avatar, Feeder, points_of, resets, stamp_of
 from std_msgs.msg import Header, String
 
-from garment_sim_ros.ros.interfaces import (
-    COLLIDER_DESCRIPTION,
-    COLLIDER_POSES,
-)
+from garment_sim_ros.ros.topics import COLLIDER_DESCRIPTION, COLLIDER_POSES
 
 pytestmark = pytest.mark.ros
 

@@ -16,9 +16,7 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
 
-from garment_sim_ros.ros.interfaces import (
-    GARMENT_TOPOLOGY,
-)
+from garment_sim_ros.ros.topics import GARMENT_TOPOLOGY
 
 pytestmark = pytest.mark.ros
 

@@ -11,10 +11,7 @@ from rcl_interfaces.srv import SetParameters
 from ros_input.cloth import INPUT_PERIOD, SECOND, points_of, stamp_of
 from rosgraph_msgs.msg import Clock
 
-from garment_sim_ros.ros.interfaces import (
-    CLOCK,
-    COLLIDER_DESCRIPTION,
-)
+from garment_sim_ros.ros.topics import CLOCK, COLLIDER_DESCRIPTION
 
 pytestmark = pytest.mark.ros
 

@@ -13,11 +13,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from ros_input.cloth import GARMENTS, SECOND, points_of, stamp_of
 
-from garment_sim_ros.ros.interfaces import (
-    COLLIDER_DESCRIPTION,
-    COLLIDER_POSES,
-    GARMENT_POINTS,
-)
+from garment_sim_ros.ros.topics import COLLIDER_DESCRIPTION, COLLIDER_POSES, GARMENT_POINTS
 
 pytestmark = pytest.mark.ros
 

@@ -15,10 +15,7 @@ if find_spec("rclpy"):
     from garment_sim_ros.colliders.description import from_json
     from garment_sim_ros.colliders.posing import ColliderPoser
     from garment_sim_ros.mocap.source_urdf import reference_from_urdf
-    from garment_sim_ros.ros.interfaces import (
-        COLLIDER_DESCRIPTION,
-        ROBOT_DESCRIPTION,
-    )
+    from garment_sim_ros.ros.topics import COLLIDER_DESCRIPTION, ROBOT_DESCRIPTION
 else:
     collect_ignore_glob = ["test_*.py"]
 

@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
 from garment_sim_ros.colliders.description import from_json
-from garment_sim_ros.ros.interfaces import (
+from garment_sim_ros.ros.topics import (
     COLLIDER_DESCRIPTION,
     COLLIDER_MARKERS,
     COLLIDER_POSES,

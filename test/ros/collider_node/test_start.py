@@ -12,7 +12,7 @@ from std_msgs.msg import String
 from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.cli import main as cli
 from garment_sim_ros.colliders.description import from_json, load_colliders
-from garment_sim_ros.ros.interfaces import (
+from garment_sim_ros.ros.topics import (
     COLLIDER_DESCRIPTION,
     COLLIDER_POSES,
     JOINT_STATES,
