@@ -57,6 +57,8 @@ def take_step(
     singly = bool(pairs) or not all(constraint.once_a_step for constraint in others)
     for first, last, searches in _intervals(step, all(known)):
         colliders.move(first, last, count, searches)
+        for piece in pieces:
+            piece.workspace.pins.follow(colliders, step.dt, last - first)
         for s, end in pairwise(range(first, last + 1)) if singly else [(first, last)]:
             meets = searches and end == last
             for piece in pieces:

@@ -132,14 +132,15 @@ def measure_motion(v, motion):
 
 
 @kernel(forceinline=True)
-def move_pins(x, v, pin_collider, pin_position, position, orientation, origin, dt):
+def move_pins(x, v, pin_collider, place, step, position, orientation, origin, dt):
     """Moves pinned particles rigidly with their colliders.
 
     Args:
         x: Positions of the pinned particles, changed in place [m], shape [p, 3].
         v: Their velocities, changed in place [m/s], shape [p, 3].
         pin_collider: Collider that each follows, shape [p].
-        pin_position: Its place in that collider's frame [m], shape [p, 3].
+        place: Its place in that collider's frame, changed in place [m], shape [p, 3].
+        step: How far that moves in the step [m], shape [p, 3].
         position: World positions of all colliders [m], shape [c, 3].
         orientation: Their unit quaternions, shape [c, 4].
         origin: World position of the local origin [m], shape [3].
@@ -148,9 +149,9 @@ def move_pins(x, v, pin_collider, pin_position, position, orientation, origin, d
     for p in range(pin_collider.size):
         c = pin_collider[p]
         q = orientation[c]
-        turned = rotate(
-            q[0], q[1], q[2], q[3], pin_position[p, 0], pin_position[p, 1], pin_position[p, 2]
-        )
+        for k in range(3):
+            place[p, k] += step[p, k]
+        turned = rotate(q[0], q[1], q[2], q[3], place[p, 0], place[p, 1], place[p, 2])
         for k in range(3):
             new = np.float32(turned[k] + position[c, k] - origin[k])
             v[p, k] = (new - x[p, k]) / dt

@@ -17,6 +17,7 @@ from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.contact.guard.guard import Guard
 from garment_sim_ros.contact.papers.earliest.contact import EarliestContact
 from garment_sim_ros.contact.sides import Sides
+from garment_sim_ros.sim.holds.pins import Pins
 from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.model import ClothModel
 
@@ -61,6 +62,7 @@ class Workspace:
         contacts: Contacts of the free particles in the last step.
         contact_count: Number of free particles in contact in the last step.
         attached: Tethers and soft attachments.
+        pins: What is pinned.
         guard: What keeps body parts from changing sides of the garment.
         limited: Whether distance limits act on the garment.
         earliest: Scratch of contact by the earliest hit; None until a step needs it.
@@ -78,6 +80,7 @@ class Workspace:
     motion: FloatArray
     attached: Attached
     guard: Guard
+    pins: Pins
     keep: float = 1.0
     limited: bool = False
     earliest: EarliestContact | None = None
@@ -96,4 +99,5 @@ class Workspace:
             motion=np.zeros(2),
             attached=Attached.none(),
             guard=Guard.none(model.free_count),
+            pins=Pins.of(model),
         )

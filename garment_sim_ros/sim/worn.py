@@ -26,6 +26,7 @@ from garment_sim_ros.sim.placement import (
     blend,
     find_frames,
     places_in_frames,
+    rest_transforms,
 )
 from garment_sim_ros.sim.recovery import Recovery
 from garment_sim_ros.sim.self_collision.garment import SelfCollision
@@ -94,6 +95,14 @@ class Worn(Piece):
         workspace.sides = Sides.of(row[model.vertex[: model.free_count]], side)
         workspace.guard = Guard.of(
             collider_set, colliders.shapes, model.particle_triangles, workspace.sides.side
+        )
+        pins = model.vertex[model.free_count :]
+        workspace.pins.give_way_to(
+            collider_set,
+            colliders.shapes,
+            rest_transforms([garment], collider_set),
+            np.asarray(garment.vertices, np.float64)[pins],
+            side[row[pins]].T,
         )
         places = None
         if garment.skin_limits:
@@ -204,12 +213,14 @@ class Worn(Piece):
             colliders: The colliders, which stand still.
         """
         self.state.assign(State.at(self.model, x_world, colliders.origin))
+        self.workspace.pins.forget()
         free = self.model.free_count
         move_pins(
             self.state.x[free:],
             self.state.v[free:],
             self.model.pin_collider,
-            self.model.pin_position,
+            self.workspace.pins.place,
+            self.workspace.pins.step,
             colliders.end.position,
             colliders.end.orientation,
             colliders.origin,

@@ -98,6 +98,7 @@ def begin_sub_step(moving, pins, push, keep, dt):
         v[free:],
         pins.collider,
         pins.place,
+        pins.step,
         pins.position,
         pins.orientation,
         pins.origin,

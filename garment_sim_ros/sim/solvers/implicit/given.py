@@ -56,6 +56,7 @@ class PinFrames(NamedTuple):
     Attributes:
         collider: Collider of each pin, shape [p].
         place: Its place in that collider's frame [m], shape [p, 3].
+        step: How far that moves in the sub-step [m], shape [p, 3].
         position: World positions of all colliders at the end of the sub-step [m], shape [c, 3].
         orientation: Their unit quaternions, shape [c, 4].
         origin: World position of the local origin [m], shape [3].
@@ -63,6 +64,7 @@ class PinFrames(NamedTuple):
 
     collider: IntArray
     place: FloatArray
+    step: FloatArray
     position: FloatArray
     orientation: FloatArray
     origin: FloatArray

@@ -139,8 +139,9 @@ def _predict(piece: Piece, step: Step) -> None:
     begin_sub_step(
         _moving(piece),
         PinFrames(
-            collider=model.pin_collider,
-            place=model.pin_position,
+            collider=workspace.pins.collider,
+            place=workspace.pins.place,
+            step=workspace.pins.step,
             position=now.position,
             orientation=now.orientation,
             origin=colliders.origin,

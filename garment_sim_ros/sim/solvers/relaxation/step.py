@@ -82,8 +82,9 @@ def _predict(piece: Piece, colliders: ColliderState, h: np.float32) -> None:
     move_pins(
         state.x[free:],
         state.v[free:],
-        model.pin_collider,
-        model.pin_position,
+        workspace.pins.collider,
+        workspace.pins.place,
+        workspace.pins.step,
         colliders.now.position,
         colliders.now.orientation,
         colliders.origin,

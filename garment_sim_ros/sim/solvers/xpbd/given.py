@@ -56,14 +56,16 @@ class Elastic(NamedTuple):
         coarse: A coarse level of the edges.
         attached: Tethers and soft attachments.
         pin_collider: Collider that each pin follows, shape [p].
-        pin_position: Its place in that collider's frame [m], shape [p, 3].
+        pin_place: Its place in that collider's frame [m], shape [p, 3].
+        pin_step: How far that moves in a sub-step [m], shape [p, 3].
     """
 
     ready: Prepared
     coarse: CoarseLevel
     attached: Attached
     pin_collider: IntArray
-    pin_position: FloatArray
+    pin_place: FloatArray
+    pin_step: FloatArray
 
 
 class Frames(NamedTuple):

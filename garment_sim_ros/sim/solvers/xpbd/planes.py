@@ -17,6 +17,8 @@ from garment_sim_ros.jit import kernel
 
 _SHALLOW = np.float32(0.02)
 """Up to this depth, in inscribed radii of a shape, the normal is that of the surface above."""
+_NEAR = np.float32(0.25)
+"""Farthest that pressed particles are pulled before a search, in inscribed radii."""
 
 
 @kernel(forceinline=True)
@@ -130,7 +132,7 @@ def return_to_planes(x, v, x_start, planes, inscribed_radius, friction, dt):
     rate = np.float32(1.0) / dt
     for p in range(shape.size):
         c = shape[p]
-        if c < 0 or pressed[p] == np.float32(np.inf):
+        if c < 0:
             continue
         nx = normal[p, 0]
         ny = normal[p, 1]
@@ -138,6 +140,9 @@ def return_to_planes(x, v, x_start, planes, inscribed_radius, friction, dt):
         rx = shift[p, 0]
         ry = shift[p, 1]
         rz = shift[p, 2]
+        if pressed[p] == np.float32(np.inf):
+            _stay_near(x, v, x_start, p, (rx, ry, rz), _NEAR * inscribed_radius[c], rate)
+            continue
         depth = (
             (place[p, 0] + rx - x[p, 0]) * nx
             + (place[p, 1] + ry - x[p, 1]) * ny
@@ -145,6 +150,24 @@ def return_to_planes(x, v, x_start, planes, inscribed_radius, friction, dt):
         ) - _SHALLOW * inscribed_radius[c]
         if depth > zero:
             _lift(x, v, x_start, p, depth, (nx, ny, nz), (rx, ry, rz), friction, rate)
+
+
+@kernel(inner=True)
+def _stay_near(x, v, x_start, p, r, farthest, rate):
+    """Moves particle p back to within `farthest` of where it goes with a surface that moves by r."""
+    wx = x[p, 0] - x_start[p, 0] - r[0]
+    wy = x[p, 1] - x_start[p, 1] - r[1]
+    wz = x[p, 2] - x_start[p, 2] - r[2]
+    length = np.sqrt(wx * wx + wy * wy + wz * wz)
+    if not length > farthest:
+        return
+    back = farthest / length - np.float32(1.0)
+    x[p, 0] += back * wx
+    x[p, 1] += back * wy
+    x[p, 2] += back * wz
+    v[p, 0] += back * wx * rate
+    v[p, 1] += back * wy * rate
+    v[p, 2] += back * wz * rate
 
 
 @kernel(inner=True)

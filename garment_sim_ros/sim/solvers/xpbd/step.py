@@ -144,8 +144,9 @@ def _own(piece: Piece, workspace: XpbdWorkspace) -> tuple[Particles, Elastic, Pl
         ready=workspace.prepared,
         coarse=workspace.coarse,
         attached=workspace.attached,
-        pin_collider=piece.model.pin_collider,
-        pin_position=piece.model.pin_position,
+        pin_collider=workspace.pins.collider,
+        pin_place=workspace.pins.place,
+        pin_step=workspace.pins.step,
     )
     planes = Planes(
         shape=workspace.contacts.shape,
