@@ -30,7 +30,7 @@ _RETURN = 1.5
 _HOME = 1e-9
 """Nearer than this it is home [m]."""
 _ROUNDS = 8
-_ALONG = np.float32(0.3)
+_ALONG = np.float32(0.2)
 """Least cosine of the way out and the mean way."""
 _NEVER = np.float32(-np.inf)
 
@@ -238,8 +238,8 @@ def _leave(pins, shapes, posed, p, looks):
             pins.out[k, 2] = oz - below * nz
             break
         along = ox * nx + oy * ny + oz * nz
-        if along > _ALONG:
-            below /= along
+        if along > np.float32(0.0):
+            below /= max(along, _ALONG)
             nx, ny, nz = ox, oy, oz
         sx -= below * nx
         sy -= below * ny
