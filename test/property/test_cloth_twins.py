@@ -110,7 +110,12 @@ def test_carry_pins(seed):
     origin = position.mean(axis=0)
     x = singles(rng, 6, 3)
     before, v = x.copy(), np.zeros_like(x)
-    move_pins(x, v, collider, local, position, orientation, origin, np.float32(0.5))
+    step = rng.normal(size=(6, 3)) * 0.01
+    local -= step
+    place = local.copy()
+    move_pins(x, v, collider, place, step, position, orientation, origin, np.float32(0.5))
+    local += step
+    assert place == pytest.approx(local, abs=1e-15)
     expected = naive.move_pins(local, position[collider], orientation[collider]) - origin
     assert x == pytest.approx(expected, rel=1e-6, abs=1e-6)
     assert v == pytest.approx((x - before) / 0.5, rel=1e-6)

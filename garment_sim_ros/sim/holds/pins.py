@@ -2,8 +2,10 @@
 
 A waist band rides on the hips. A thigh that is kicked up takes the place of its front: in the
 motion body parts overlap. A pin that stayed there would be on the wrong side of the thigh, and so
-would the cloth that hangs on it, with nothing that could bring it back. A pin in a shape of another
-bone, deeper than it was at rest, moves out of it, and goes home as soon as it can.
+would the cloth that hangs on it, with nothing that could bring it back. A pin in a shape of
+another bone, deeper than it was at rest, moves out of it, and goes home as soon as it can. Pins
+leave a shape in one direction, the mean one out of it: each by its own nearest way, those on one
+flank and on the other would be torn apart.
 """
 
 from collections.abc import Callable
@@ -24,7 +26,7 @@ from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.model import ClothModel
 
 _SPARED = 0.01
-"""How deep a pin may be in a shape before it gives way [m]: bodies close on seams in any motion."""
+"""How deep a pin may be in a shape before it gives way [m]: joints close on seams when they bend."""
 _RETURN = 1.5
 """Speed at which it goes home [m/s]."""
 _HOME = 1e-9
@@ -104,10 +106,11 @@ class Pins:
             x: The pins in that pose [m], shape [p, 3].
             side: The side of each shape for each pin, see `contact.sides.Sides`, shape [m, p].
         """
-        known = np.isfinite(T_world_rest).all(axis=(1, 2))
+        known = np.asarray(np.isfinite(T_world_rest).all(axis=(1, 2)))
         T = np.where(known[:, None, None], T_world_rest, np.eye(4))
         rest = ColliderPoses(
-            position=np.ascontiguousarray(T[:, :3, 3]), orientation=quaternion_from_matrix(T[:, :3, :3])
+            position=np.ascontiguousarray(T[:, :3, 3]),
+            orientation=quaternion_from_matrix(T[:, :3, :3]),
         )
         posed = PosedShapes.room_for(shapes)
         pose(shapes, rest, rest, np.zeros(3), posed)
@@ -127,7 +130,7 @@ class Pins:
         self.step[:] = 0.0
 
     def follow(self, colliders: ColliderState, dt: float, sub_steps: int) -> None:
-        """Finds where they are to be after some sub-steps of dt [s], for which shapes are posed."""
+        """Finds where they are to be after sub-steps of dt [s], for whose end shapes are posed."""
         if not self.least.size:
             return
         now = colliders.now
@@ -249,7 +252,7 @@ def _leave(pins, shapes, posed, p, looks):
 
 @kernel(inner=True)
 def _deepest(shapes, posed, least, p, x, y, z):
-    """By how much pin p is below the distance that it keeps from some shape; which, the way out."""
+    """By how much pin p is too deep in a shape, at most; the shape, and the way out of it."""
     zero = np.float32(0.0)
     deepest, which, nx, ny, nz = zero, np.int64(-1), zero, zero, zero
     for k in range(least.shape[0]):

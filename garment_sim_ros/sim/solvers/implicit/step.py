@@ -132,7 +132,7 @@ def _stop_the_fast(piece: Piece, colliders: ColliderState) -> int:
 
 def _predict(piece: Piece, step: Step) -> None:
     """Free particles coast and fall, pins follow bones, a fast shape stops what it would pass."""
-    model, state, workspace = piece.model, piece.state, _workspace(piece)
+    state, workspace = piece.state, _workspace(piece)
     colliders, ties = step.colliders, workspace.ties
     now = colliders.now
     assert ties is not None

@@ -154,7 +154,7 @@ def return_to_planes(x, v, x_start, planes, inscribed_radius, friction, dt):
 
 @kernel(inner=True)
 def _stay_near(x, v, x_start, p, r, farthest, rate):
-    """Moves particle p back to within `farthest` of where it goes with a surface that moves by r."""
+    """Moves particle p back to within `farthest` of its place on a surface that moves by r."""
     wx = x[p, 0] - x_start[p, 0] - r[0]
     wy = x[p, 1] - x_start[p, 1] - r[1]
     wz = x[p, 2] - x_start[p, 2] - r[2]
