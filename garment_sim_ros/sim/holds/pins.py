@@ -26,7 +26,7 @@ from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.model import ClothModel
 
 _SPARED = 0.01
-"""How deep a pin may be in a shape before it gives way [m]: joints close on seams when they bend."""
+"""How deep a pin may be in a shape before it gives way [m]: joints that bend close on seams."""
 _RETURN = 1.5
 """Speed at which it goes home [m/s]."""
 _HOME = 1e-9
