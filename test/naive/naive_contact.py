@@ -235,3 +235,19 @@ def leave_sphere(
     x = x - held_back(relative - along * normal, friction * min(depth, max(-along, 0.0)))
     distance, out = signed_distance(sphere, x)
     return x + max(gap - distance, 0.0) * out, normal, depth
+
+
+def stay_near(
+    x: FloatArray,
+    v: FloatArray,
+    x_start: FloatArray,
+    shift: FloatArray,
+    inscribed_radius: float,
+    dt: float,
+) -> tuple[FloatArray, FloatArray]:
+    """The same of what shapes press from two sides: it is pulled by a quarter of that radius."""
+    way = x - x_start - shift
+    length = float(np.linalg.norm(way))
+    farthest = 0.25 * inscribed_radius
+    move = min(0.0, farthest / length - 1.0) * way
+    return x + move, v + move / dt

@@ -7,7 +7,7 @@ from naive.naive import move_pins, signed_distance
 
 
 def give_way(place, home, position, orientation, shapes, least, far):
-    """Places of pins at the end of an interval, in the frames that they ride on, shape [p, 3].
+    """Places of pins at the end of an interval, in the frames that they follow, shape [p, 3].
 
     Args:
         place: Where they are there [m], shape [p, 3].

@@ -9,7 +9,7 @@ from naive import naive_pins
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
-from garment_sim_ros.sim.holds.pins import Given, Ridden, give_way
+from garment_sim_ros.sim.holds.pins import Followed, Given, give_way
 
 
 def quaternions(rng, count):
@@ -57,7 +57,7 @@ def test_pins_give_way_as_the_twin_does(seed, count):
         *(place, home, position[collider], orientation[collider]),
         *(list(zip(colliders.colliders, poses.position, rotation)), least, 0.01),
     )
-    give_way(pins, Ridden(position, orientation, origin), shapes, posed, 0.01, 0.25)
+    give_way(pins, Followed(position, orientation, origin), shapes, posed, 0.01, 0.25)
     # At the end of some ways two shapes are as deep as each other, by rounding.
     close = np.abs(place + 4.0 * pins.step - expected).max(axis=1) < 1e-4
     assert close.mean() > 0.94

@@ -179,14 +179,16 @@ def test_planes(seed, dt, friction, searched):
         if shape[p] < 0:
             assert (place[p] == 7.0).all()
         else:
+            radius = float(inscribed_radius[shape[p]])
             way = naive_contact.moved_with(carry[shape[p]].astype(np.float64), x_start[p])
             pressed = bool(np.isinf(depth[p]))
             moves = at, speed, x_start[p].astype(np.float64), touched_at[p] + way, way
             out = normal[p].astype(np.float64)
             if not searched:
                 at, speed = naive_contact.touch_plane(*moves, out, pressed, friction, float(dt))
-            elif not pressed:
-                radius = float(inscribed_radius[shape[p]])
+            elif pressed:
+                at, speed = naive_contact.stay_near(*moves[:3], way, radius, float(dt))
+            else:
                 at, speed = naive_contact.return_to_plane(*moves, out, radius, friction, float(dt))
         expected.append((at, speed))
     arrays = (x, v, x_start, planes)

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from garment_sim_ros.recording.garment_mesh import GarmentMesh
 
 import garment_sim_ros as gs
 from garment_sim_ros.contact.pierced import PiercedMeter
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses
+from garment_sim_ros.recording.metrics import GarmentMesh
 from garment_sim_ros.sim.holds import pins
 from garment_sim_ros.sim.simulation import Simulation
 

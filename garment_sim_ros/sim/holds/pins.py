@@ -1,6 +1,6 @@
-"""Pins: particles that ride on bones, and give way to body parts that close on them.
+"""Pins: particles that follow bones, and give way to body parts that close on them.
 
-A waist band rides on the hips. A thigh that is kicked up takes the place of its front: in the
+A waist band follows the hips. A thigh that is kicked up takes the place of its front: in the
 motion body parts overlap. A pin that stayed there would be on the wrong side of the thigh, and so
 would the cloth that hangs on it, with nothing that could bring it back. A pin in a shape of
 another bone, deeper than it was at rest, moves out of it, and goes home as soon as it can. Pins
@@ -49,7 +49,7 @@ class Given(NamedTuple):
     out: SingleArray
 
 
-class Ridden(NamedTuple):
+class Followed(NamedTuple):
     """World poses of all colliders, and the world position of the local origin."""
 
     position: FloatArray
@@ -139,7 +139,7 @@ class Pins:
                 *(self.collider, self.home, self.place, self.step, self.least),
                 *(self._x, self._out),
             ),
-            Ridden(now.position, now.orientation, colliders.origin),
+            Followed(now.position, now.orientation, colliders.origin),
             *(colliders.shapes, colliders.posed),
             *(_RETURN * dt * sub_steps, 1.0 / sub_steps),
         )
@@ -174,7 +174,7 @@ def give_way(pins, poses, shapes, posed, far, share):
 
     Args:
         pins: `Given`; `step` is output.
-        poses: World poses of all colliders, and the local origin: `Ridden`.
+        poses: World poses of all colliders, and the local origin: `Followed`.
         shapes: `PackedShapes`.
         posed: The same, posed.
         far: How far they can go home [m].

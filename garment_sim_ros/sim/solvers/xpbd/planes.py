@@ -17,7 +17,7 @@ from garment_sim_ros.jit import kernel
 
 _SHALLOW = np.float32(0.02)
 """Up to this depth, in inscribed radii of a shape, the normal is that of the surface above."""
-_NEAR = np.float32(1e6)
+_NEAR = np.float32(0.25)
 """Farthest that pressed particles are pulled before a search, in inscribed radii."""
 
 
