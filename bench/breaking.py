@@ -15,7 +15,7 @@ frames after the cause, but those in which a garment was mended; what was counte
 
 import argparse
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -62,9 +62,26 @@ class Frames:
 
 
 class Wearer:
-    """An avatar that plays a clip again and again."""
+    """An avatar that plays a clip again and again.
 
-    def __init__(self, body: str, outfit: str, clip: str, folder: Path) -> None:
+    Args:
+        body: A body, see `bench/worn.py`.
+        outfit: An outfit.
+        clip: A clip.
+        folder: Where outfits of meshes are written.
+        seconds: How much is played.
+        clip_time: Time of the clip at a time of the play [s]; None: the clip as it is.
+    """
+
+    def __init__(
+        self,
+        body: str,
+        outfit: str,
+        clip: str,
+        folder: Path,
+        seconds: float = BREAK + END + 1.2,
+        clip_time: Callable[[float, float], float] | None = None,
+    ) -> None:
         self.body = load_body(found(body, "bodies"))
         mocap = load_clip(found(clip, "mocap"))
         retargeter = Retargeter(
@@ -77,11 +94,12 @@ class Wearer:
         self.colliders = fit_colliders(self.body, read_outfit(source).colliders)
         self.garments = load_outfit(source, self.body, colliders=self.colliders).garments
         sampler = ClipSampler(mocap)
-        begin = float(mocap.times[0])
-        count = min(int((BREAK + END + 1.2) / FRAME), int((mocap.times[-1] - begin) / FRAME))
+        begin, length = float(mocap.times[0]), float(mocap.times[-1] - mocap.times[0])
+        count = int((seconds if clip_time else min(seconds, length)) / FRAME)
+        times = [clip_time(n * FRAME, length) if clip_time else n * FRAME for n in range(count)]
         self.joints = [
-            retargeter.world_joints(sampler.sample(begin + n * FRAME), n * FRAME).copy()
-            for n in range(count)
+            retargeter.world_joints(sampler.sample(begin + t), n * FRAME).copy()
+            for n, t in enumerate(times)
         ]
         poser = ColliderPoser(self.colliders, self.body)
         self.path = [poser.poses(T).copy() for T in self.joints]
