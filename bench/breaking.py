@@ -3,14 +3,16 @@
     python bench/breaking.py [--body F ...] [--outfit F ...] [--clip F ...] [--cause C ...]
         [--out DIR] [--pictures]
 
-An avatar plays a clip through the clock of `cloth_node`. After a second something breaks; then the
-clip goes on as before. Names of bodies, clips and outfits as in `bench/worn.py`.
+An avatar plays a clip through the clock of `cloth_node`. After a second something breaks (what a
+limb does to a garment: when, in the second before that or the half after, the limb is nearest to
+it); then the clip goes on as before. Names of bodies, clips and outfits as in `bench/worn.py`.
 
 Of each cause a line: `back`, the time after the cause has ended from which no limb runs through a
-garment (`pierced`) that does not without it; of the second from 0.5 s on: frames with such a limb;
-longest edge, share of the area inside of the skin, and distance of the garments from where they
-are without the cause (95th percentile of the vertices); `jump` (see `bench/jumps.py`) of the
-frames after the cause, but those in which a garment was mended; what was counted.
+garment (`pierced`, or at the joint of a limb) that does not without it; of the second from 0.5 s
+on: frames with such a limb; longest edge, share of the area inside of the skin, distance of the
+garments from where they are without the cause (95th percentile of the vertices); `jump` (see
+`bench/jumps.py`) of all frames after the cause, in which garments are mended, too; `plain`, the
+same of the same frames without the cause; what was counted.
 """
 
 import argparse
@@ -29,6 +31,7 @@ from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.contact.cores import Cores
 from garment_sim_ros.contact.pierced import PiercedSoFar
 from garment_sim_ros.errors import MessageError
 from garment_sim_ros.garment.colours import garment_colour
@@ -41,9 +44,13 @@ from garment_sim_ros.params import ClothNodeParameters
 from garment_sim_ros.recording.metrics import GarmentMesh
 from garment_sim_ros.recording.previews import Figure, Look, moments
 from garment_sim_ros.ros.cloth_stepper import ClothStepper
+from garment_sim_ros.sim.joint_links import JointLinks
+from garment_sim_ros.sim.placement import rest_transforms
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.stamps import SECOND
 
+_SHOWN = 20
+"""Frames that are to be there before it breaks."""
 BREAK, CALM, END = 1.0, 0.5, 1.5
 """When it breaks; how long after that garments are judged, and until when [s]."""
 
@@ -108,10 +115,27 @@ class Wearer:
             g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in self.garments
         }
         self.simulation = Simulation(self.garments, self.colliders)
+        self.links = JointLinks(self.colliders, rest_transforms(self.garments, self.colliders))
         self.stepper: ClothStepper
         self.shown: list[dict] = []
 
-    def play(self, cause: Cause | None) -> Frames:
+    def begin(self, cause: Cause, without: Frames) -> float:
+        """When a cause acts [s]: where a limb does it, when it is nearest to the garment."""
+        if cause.limb is None:
+            return BREAK
+        bone, garment = cause.limb
+        cores = Cores.of(self.colliders)
+        name = self.body.humanoid.get(bone, bone)
+        mine = [k for k, b in enumerate(cores.bone) if b in (bone, name)]
+        near: dict[int, float] = {}
+        for n, x in zip(without.number, without.garments, strict=True):
+            if 0.0 <= n * FRAME <= BREAK + 0.5 and n >= _SHOWN:
+                middle = cores.posed(self.path[n])[mine].mean(axis=1)
+                of = next(points for key, points in x.items() if garment in key)
+                near[n] = float(np.linalg.norm(of[:, None] - middle, axis=2).min())
+        return min(near, key=near.__getitem__) * FRAME
+
+    def play(self, cause: Cause | None, begin: float = BREAK) -> Frames:
         """One run."""
         simulation = self.simulation = Simulation(self.garments, self.colliders)
         self.stepper = stepper = ClothStepper.with_parameters(
@@ -124,7 +148,7 @@ class Wearer:
         pierced = PiercedSoFar(self.colliders, [g.name for g in self.garments])
         self.shown = []
         for n, poses in enumerate(self.path):
-            now, since = round(n * FRAME * SECOND), n * FRAME - BREAK
+            now, since = round(n * FRAME * SECOND), n * FRAME - begin
             acts = cause is not None and -1e-6 < since < cause.lasts - 1e-6
             if cause and cause.state and abs(since) < 1e-6:
                 cause.state(self)
@@ -157,7 +181,11 @@ class Wearer:
             jumps.forget()
         frames.number.append(at)
         frames.garments.append(x)
-        frames.through.append({(k, b) for k, bones in pierced.now.items() for b in bones})
+        through = {(k, b) for k, bones in pierced.now.items() for b in bones}
+        for g in self.garments:
+            links = self.links.through(x[g.name], g.triangles, self.stepper.poses)
+            through |= {(g.name, f"joint {link}") for link in links.tolist()}
+        frames.through.append(through)
         frames.jump.append(jumps.add(self.skinner.vertices(self.joints[at]), x))
         frames.edge.append(
             max(float(self.meshes[k].strain(v.astype(float)).max()) for k, v in x.items())
@@ -181,7 +209,7 @@ class Wearer:
         )
 
 
-def draw(wearer: Wearer, frames: Frames, ended: float, path: Path) -> None:
+def draw(wearer: Wearer, frames: Frames, begin: float, ended: float, path: Path) -> None:
     """A sheet: before it breaks, and some moments after the cause has ended."""
 
     def figure(time: float) -> Figure:
@@ -201,19 +229,21 @@ def draw(wearer: Wearer, frames: Frames, ended: float, path: Path) -> None:
         garment_colours=tuple(garment_colour(n) for n in range(len(wearer.garments))),
         floor=float(wearer.skinner.vertices(wearer.joints[0])[:, 2].min()),
     )
-    times = [BREAK - 0.05, *(ended + after for after in (0.0, 0.1, 0.25, 0.5, 1.0, 1.5))]
+    after = (0.0, 0.1, 0.2, 0.3, 0.35, 0.4, 0.5, 1.0)
+    times = [begin - 0.05, *(ended + t for t in after)]
     path.parent.mkdir(parents=True, exist_ok=True)
     moments([figure(t) for t in times], look, path, size=(220, 320))
 
 
 def judge(wearer: Wearer, cause: Cause, without: Frames, picture: Path | None) -> dict:
     """The line of one cause."""
-    frames = wearer.play(cause)
+    begin = wearer.begin(cause, without)
+    frames = wearer.play(cause, begin)
+    ended = begin + cause.lasts
     if picture is not None:
-        draw(wearer, frames, BREAK + cause.lasts, picture)
+        draw(wearer, frames, begin, ended, picture)
     at = {n: k for k, n in enumerate(without.number)}
-    ended = BREAK + cause.lasts
-    last_bad, bad, off, edge, inside, jump = 0.0, 0, 0.0, 0.0, 0.0, 0.0
+    last_bad, bad, off, edge, inside, jump, plain = 0.0, 0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k, n in enumerate(frames.number):
         since = n * FRAME - ended
         if since < -1e-6 or since > END or n not in at:
@@ -222,9 +252,8 @@ def judge(wearer: Wearer, cause: Cause, without: Frames, picture: Path | None) -
         through = frames.through[k] - without.through[at[n]]
         if through:
             last_bad = since + FRAME
-        mended = frames.mended[k] != frames.mended[k - 1]
-        first = abs(since) < 1.5 * FRAME
-        jump = jump if mended or first else max(jump, frames.jump[k])
+        if since > 1.5 * FRAME:
+            jump, plain = max(jump, frames.jump[k]), max(plain, without.jump[at[n]])
         if since < CALM:
             continue
         bad += bool(through)
@@ -240,6 +269,7 @@ def judge(wearer: Wearer, cause: Cause, without: Frames, picture: Path | None) -
         "inside_%": round(100 * inside, 2),
         "off_cm": round(100 * off, 1),
         "jump_cm": round(100 * jump, 1),
+        "plain_cm": round(100 * plain, 1),
         **frames.counts,
         "skipped_s": round(wearer.stepper.skipped / SECOND, 2),
     }
@@ -263,7 +293,10 @@ def main() -> None:
                     wearer = Wearer(body, outfit, clip, options.out)
                     without = wearer.play(None)
                     for name in options.cause:
-                        picture = options.out / f"{Path(body).stem}_{outfit}_{name}.png"
+                        picture = (
+                            options.out
+                            / f"{Path(body).name.removesuffix('.glb')}_{outfit}_{name}.png"
+                        )
                         line = judge(
                             wearer, CAUSES[name], without, picture if options.pictures else None
                         )

@@ -12,8 +12,8 @@ not measured).
 
 Of each run a line: stops; `late`, those after which a limb runs through a garment (`pierced`) in
 any frame shown from 0.5 s after the body stood; `back`, the longest time until none did;
-`pierced`, share of all frames; `jump` (see `bench/jumps.py`) from one shown frame to the next, where
-no more than two are missing between them; `kick`, the same in the frames in which something was
+`pierced`, share of all frames; `jump` (see `bench/jumps.py`) from one shown frame to the next,
+where no more than two are missing between them; `kick`, the same in frames in which something was
 mended and the next 0.3 s; counts.
 """
 
@@ -134,7 +134,7 @@ def run(wearer: Wearer, variant: str) -> dict:
         count = sum(h.resets + h.rewound + h.rewound_parts for h in map(simulation.health, names))
         mended_at = t if count != mended else mended_at
         mended, jump = count, max(jump, far)
-        kick = max(kick, far) if 0.0 <= mended_at and t - mended_at <= 0.3 else kick
+        kick = max(kick, far) if mended_at >= 0.0 and t - mended_at <= 0.3 else kick
     health = [simulation.health(name) for name in names]
     return {
         "stops": len(back),
