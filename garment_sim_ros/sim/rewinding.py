@@ -25,13 +25,15 @@ from garment_sim_ros.sim.openings import Openings
 from garment_sim_ros.sim.placement import blend
 from garment_sim_ros.sim.worn import Worn
 
-_PERIOD = 0.1
+_PERIOD = 1 / 15
 """Time between two looks [s]."""
-_PATIENCE = 3
+_PATIENCE = 4
 """Looks with a limb in the cloth, less those without, after which it will not come out."""
-_KEPT = 10
+_OFF = 3
+"""The same where it is off the body: it falls as long as that is waited for."""
+_KEPT = 15
 """States kept of a garment: one for each look that found nothing."""
-_TO_TRY = (1, 3, -1)
+_TO_TRY = (1, 4, -1)
 """Which of them are tried, in looks before the first that found something; the last is oldest."""
 _WAIT, _LONGEST_WAIT = 0.2, 3.0
 """After a try the next one comes so much later, twice as long each time [s]."""
@@ -125,7 +127,7 @@ class Rewinding:
         """
         if time < self._next:
             return ()
-        self._next = time + _PERIOD
+        self._next = time + _PERIOD - 1e-6
         posed = {name: self.positions(worn) for name, worn in self._worn.items()}
         self._find(posed, poses)
         broken = []
@@ -140,7 +142,8 @@ class Rewinding:
                 record.kept.append(Kept(posed[name], poses.copy()))
             if time - record.good_since > 2.0:
                 record.tries = 0
-            if record.count >= _PATIENCE and time >= record.not_before:
+            patience = _OFF if record.is_off else _PATIENCE
+            if record.count >= patience and time >= record.not_before:
                 broken.append(name)
         self._then, self._at = self._at, poses.copy()
         return tuple(broken)
