@@ -2,7 +2,8 @@
 
 The core of a shape is its middle, so that there is none around a joint: cloth that lies over thigh
 and shin, but behind the knee between them, is run through by no core. Links close that gap inside
-of limbs, from the end of one core to the joint, and on to the next core.
+of limbs: from the end of one core to the place that is half way between the two at rest, where
+limbs are all but straight, and on to the next core. That place goes with the first of them.
 """
 
 from collections.abc import Iterator
@@ -19,8 +20,6 @@ from garment_sim_ros.sim.openings import Tips, tips_of
 
 _MOST = 64
 """Hits of one garment that are kept: more change nothing."""
-_DETOUR = 1.5
-"""A joint that makes the way between two cores longer than so many times is not theirs."""
 
 
 class JointLinks:
@@ -44,35 +43,12 @@ class JointLinks:
         nodes = np.array(list(_inside_limbs(tips)) if tips else [], np.int32).reshape(-1, 2)
         self.cores = used[nodes // 2].astype(np.int32)
         self.at = nodes % 2
-        self._joint = np.zeros((len(nodes), 3))
         self._carrier = cores.collider[self.cores[:, 0]]
+        to_carrier = invert_transform(T_world_rest[self._carrier])
+        half_way = rest[self.cores, self.at].mean(axis=1)
+        self._joint = np.einsum("lij,lj->li", to_carrier[:, :3, :3], half_way)
+        self._joint += to_carrier[:, :3, 3]
         self._core, self._where = np.empty(_MOST, np.int32), np.empty(_MOST)
-        for k, (pair, ends) in enumerate(zip(self.cores, self.at, strict=True)):
-            self._join(k, colliders, T_world_rest, rest[pair, ends], pair)
-
-    def _join(
-        self,
-        link: int,
-        colliders: ColliderSet,
-        T_world_rest: FloatArray,
-        ends: FloatArray,
-        pair: IntArray,
-    ) -> None:
-        """Finds where a link bends: at a bone's origin, or where none is near, half way."""
-        straight = float(np.linalg.norm(ends[1] - ends[0]))
-        carriers = self._cores.collider[pair]
-        best, where = _DETOUR * straight + 0.01, ends.mean(axis=0)
-        for c in carriers:
-            own = colliders.colliders[c]
-            origin = T_world_rest[c] @ invert_transform(
-                transform_from(np.asarray(own.position, float), np.asarray(own.orientation, float))
-            )
-            way = np.linalg.norm(ends - origin[:3, 3], axis=1).sum()
-            if way < best:
-                best, where = way, origin[:3, 3]
-                self._carrier[link] = c
-        to_carrier = invert_transform(T_world_rest[self._carrier[link]])
-        self._joint[link] = to_carrier[:3, :3] @ where + to_carrier[:3, 3]
 
     def through(
         self, x: SingleArray, triangles: IntArray, poses: ColliderPoses
