@@ -64,7 +64,6 @@ class Frames:
     through: list[set] = field(default_factory=list)
     edge: list[float] = field(default_factory=list)
     jump: list[float] = field(default_factory=list)
-    mended: list[int] = field(default_factory=list)
     counts: dict = field(default_factory=dict)
 
 
@@ -190,11 +189,10 @@ class Wearer:
         frames.edge.append(
             max(float(self.meshes[k].strain(v.astype(float)).max()) for k, v in x.items())
         )
-        frames.mended.append(sum(self._counts().values()))
 
     def _counts(self) -> dict[str, int]:
         health = [self.simulation.health(g.name) for g in self.garments]
-        names = ("resets", "recovered", "rewound", "rewound_parts")
+        names = ("resets", "recovered", "rewound", "rewound_parts", "not_rewound")
         counts = {k: sum(getattr(h, k, 0) for h in health) for k in names}
         counts["put_on"] = self.stepper.resets
         return counts

@@ -145,6 +145,9 @@ class Rewinding:
             patience = _OFF if record.is_off else _PATIENCE
             if record.count >= patience and time >= record.not_before:
                 broken.append(name)
+                health = self._worn[name].health
+                health.came_off += record.is_off
+                health.caught += not record.is_off
         self._then, self._at = self._at, poses.copy()
         return tuple(broken)
 

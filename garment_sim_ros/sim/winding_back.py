@@ -107,6 +107,7 @@ def wind_back(
     worn.state.assign(before)
     worn.wind_back(x.astype(np.float64), v, np.zeros(len(x)), origin)
     _set_out(rewinding, worn, seen, poses)
+    worn.health.not_rewound += 1
     return False
 
 

@@ -82,7 +82,8 @@ def test_cloth_beside_the_body_is_put_back(cloth, solver):
     assert calm(simulation, 30) < 0.05
     assert rings_around(simulation) == RINGS
     assert hits(simulation) == 0
-    assert simulation["cloth"].health.rewound == 1
+    health = simulation["cloth"].health
+    assert (health.rewound, health.came_off, health.caught, health.not_rewound) == (1, 1, 0, 0)
     assert calm(simulation, 30) < 0.02
     assert np.abs(simulation["cloth"].positions - good).max() < 0.03
 
@@ -108,6 +109,7 @@ def test_a_limb_that_stays_in_the_cloth_is_out_of_it_again(cloth, parts):
     assert hits(simulation) == 0
     assert rings_around(simulation) == RINGS
     assert health.rewound + health.rewound_parts == 1
+    assert (health.caught, health.came_off, health.not_rewound) == (1, 0, 0)
     assert np.abs(view.positions - good).max() < 0.05
 
 
@@ -119,3 +121,4 @@ def test_what_is_worn_right_is_left_alone(cloth, solver):
     assert rings_around(simulation) == RINGS
     health = simulation["cloth"].health
     assert (health.rewound, health.rewound_parts) == (0, 0)
+    assert (health.caught, health.came_off) == (0, 0)
