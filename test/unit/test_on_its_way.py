@@ -7,8 +7,10 @@ from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.sim.on_its_way import OnItsWay
 
 FRAME = 1 / 60
-FASTEST = 0.036
-"""What a point may move in a frame [m]: less than the 5 cm that an eye sees as a jump."""
+FASTEST = 0.036, 0.05
+"""What a point may move in a frame on a way of up to 48 cm, and of up to 69 cm [m]."""
+LAST = 15
+"""Frames after which all have arrived: 0.23 s and the rest of a frame."""
 
 
 @pytest.fixture
@@ -46,15 +48,14 @@ def offsets(longest):
     return off * longest / np.linalg.norm(off, axis=1).max()
 
 
-@pytest.mark.parametrize("longest", [0.02, 0.24, 0.41, 0.6])
+@pytest.mark.parametrize("longest", [0.02, 0.24, 0.48, 0.68])
 def test_no_point_jumps_and_all_arrive(cloth_on_a_bone, longest):
     off = offsets(longest)
     seen = gone(cloth_on_a_bone, off)
     np.testing.assert_allclose(seen[0], off, atol=1e-6)
-    assert np.linalg.norm(np.diff(seen, axis=0), axis=2).max() < FASTEST
+    assert np.linalg.norm(np.diff(seen, axis=0), axis=2).max() < FASTEST[longest > 0.48]
     arrived = np.flatnonzero((seen == 0.0).all(axis=(1, 2)))[0]
-    # All the way at that speed; none is later than 0.3 s.
-    assert arrived <= min(longest / 0.035 + 1, 18 + 1)
+    assert arrived <= min(longest / 0.035 + 1, LAST)
 
 
 def test_shapes_on_the_way_are_between_the_two(cloth_on_a_bone):
@@ -67,7 +68,7 @@ def test_shapes_on_the_way_are_between_the_two(cloth_on_a_bone):
 
 def test_what_is_far_takes_no_longer(cloth_on_a_bone):
     seen = gone(cloth_on_a_bone, offsets(20.0))
-    assert not seen[19:].any()
+    assert not seen[LAST:].any()
 
 
 def test_it_turns_with_the_skin(cloth_on_a_bone):
