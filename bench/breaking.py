@@ -11,8 +11,9 @@ Of each cause a line: `back`, the time after the cause has ended from which no l
 garment (`pierced`, or at the joint of a limb) that does not without it; of the second from 0.5 s
 on: frames with such a limb; longest edge, share of the area inside of the skin, distance of the
 garments from where they are without the cause (95th percentile of the vertices); `jump` (see
-`bench/jumps.py`) of all frames after the cause, in which garments are mended, too; `plain`, the
-same of the same frames without the cause; what was counted.
+`bench/jumps.py`) of all frames after the cause, in which garments are mended, too; `home`, the
+same of the frames in which a garment was wound back or on its way; `plain`, the same as `jump` of
+the same frames without the cause; what was counted.
 """
 
 import argparse
@@ -64,6 +65,7 @@ class Frames:
     through: list[set] = field(default_factory=list)
     edge: list[float] = field(default_factory=list)
     jump: list[float] = field(default_factory=list)
+    goes_home: list[bool] = field(default_factory=list)
     counts: dict = field(default_factory=dict)
 
 
@@ -186,6 +188,7 @@ class Wearer:
             through |= {(g.name, f"joint {link}") for link in links.tolist()}
         frames.through.append(through)
         frames.jump.append(jumps.add(self.skinner.vertices(self.joints[at]), x))
+        frames.goes_home.append(any(self.simulation[k].worn.on_its_way.left > 0.0 for k in x))
         frames.edge.append(
             max(float(self.meshes[k].strain(v.astype(float)).max()) for k, v in x.items())
         )
@@ -241,7 +244,7 @@ def judge(wearer: Wearer, cause: Cause, without: Frames, picture: Path | None) -
     if picture is not None:
         draw(wearer, frames, begin, ended, picture)
     at = {n: k for k, n in enumerate(without.number)}
-    last_bad, bad, off, edge, inside, jump, plain = 0.0, 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    last_bad, bad, off, edge, inside, jump, plain, home = 0.0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k, n in enumerate(frames.number):
         since = n * FRAME - ended
         if since < -1e-6 or since > END or n not in at:
@@ -252,6 +255,8 @@ def judge(wearer: Wearer, cause: Cause, without: Frames, picture: Path | None) -
             last_bad = since + FRAME
         if since > 1.5 * FRAME:
             jump, plain = max(jump, frames.jump[k]), max(plain, without.jump[at[n]])
+            # The last frame of a way is one in which it has ended.
+            home = max(home, frames.jump[k]) if any(frames.goes_home[k - 1 : k + 1]) else home
         if since < CALM:
             continue
         bad += bool(through)
@@ -267,6 +272,7 @@ def judge(wearer: Wearer, cause: Cause, without: Frames, picture: Path | None) -
         "inside_%": round(100 * inside, 2),
         "off_cm": round(100 * off, 1),
         "jump_cm": round(100 * jump, 1),
+        "home_cm": round(100 * home, 1),
         "plain_cm": round(100 * plain, 1),
         **frames.counts,
         "skipped_s": round(wearer.stepper.skipped / SECOND, 2),
