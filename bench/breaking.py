@@ -3,19 +3,22 @@
     python bench/breaking.py [--body F ...] [--outfit F ...] [--clip F ...] [--cause C ...]
         [--out DIR] [--pictures]
 
-An avatar plays a clip through the clock of `cloth_node`. After a second something breaks; then the
-clip goes on as before. Names of bodies, clips and outfits as in `bench/worn.py`.
+An avatar plays a clip through the clock of `cloth_node`. After a second something breaks (what a
+limb does to a garment: when, in the second before that or the half after, the limb is nearest to
+it); then the clip goes on as before. Names of bodies, clips and outfits as in `bench/worn.py`.
 
 Of each cause a line: `back`, the time after the cause has ended from which no limb runs through a
-garment (`pierced`) that does not without it; of the second from 0.5 s on: frames with such a limb;
-longest edge, share of the area inside of the skin, and distance of the garments from where they
-are without the cause (95th percentile of the vertices); `jump` (see `bench/jumps.py`) of the
-frames after the cause, but those in which a garment was mended; what was counted.
+garment (`pierced`, or at the joint of a limb) that does not without it; of the second from 0.5 s
+on: frames with such a limb; longest edge, share of the area inside of the skin, distance of the
+garments from where they are without the cause (95th percentile of the vertices); `jump` (see
+`bench/jumps.py`) of all frames after the cause, in which garments are mended, too; `home`, the
+same of the frames in which a garment was wound back or on its way; `plain`, the same as `jump` of
+the same frames without the cause; what was counted.
 """
 
 import argparse
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -29,6 +32,7 @@ from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
+from garment_sim_ros.contact.cores import Cores
 from garment_sim_ros.contact.pierced import PiercedSoFar
 from garment_sim_ros.errors import MessageError
 from garment_sim_ros.garment.colours import garment_colour
@@ -41,9 +45,13 @@ from garment_sim_ros.params import ClothNodeParameters
 from garment_sim_ros.recording.metrics import GarmentMesh
 from garment_sim_ros.recording.previews import Figure, Look, moments
 from garment_sim_ros.ros.cloth_stepper import ClothStepper
+from garment_sim_ros.sim.joint_links import JointLinks
+from garment_sim_ros.sim.placement import rest_transforms
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.stamps import SECOND
 
+_SHOWN = 20
+"""Frames that are to be there before it breaks."""
 BREAK, CALM, END = 1.0, 0.5, 1.5
 """When it breaks; how long after that garments are judged, and until when [s]."""
 
@@ -57,14 +65,31 @@ class Frames:
     through: list[set] = field(default_factory=list)
     edge: list[float] = field(default_factory=list)
     jump: list[float] = field(default_factory=list)
-    mended: list[int] = field(default_factory=list)
+    goes_home: list[bool] = field(default_factory=list)
     counts: dict = field(default_factory=dict)
 
 
 class Wearer:
-    """An avatar that plays a clip again and again."""
+    """An avatar that plays a clip again and again.
 
-    def __init__(self, body: str, outfit: str, clip: str, folder: Path) -> None:
+    Args:
+        body: A body, see `bench/worn.py`.
+        outfit: An outfit.
+        clip: A clip.
+        folder: Where outfits of meshes are written.
+        seconds: How much is played.
+        clip_time: Time of the clip at a time of the play [s]; None: the clip as it is.
+    """
+
+    def __init__(
+        self,
+        body: str,
+        outfit: str,
+        clip: str,
+        folder: Path,
+        seconds: float = BREAK + END + 1.2,
+        clip_time: Callable[[float, float], float] | None = None,
+    ) -> None:
         self.body = load_body(found(body, "bodies"))
         mocap = load_clip(found(clip, "mocap"))
         retargeter = Retargeter(
@@ -77,11 +102,12 @@ class Wearer:
         self.colliders = fit_colliders(self.body, read_outfit(source).colliders)
         self.garments = load_outfit(source, self.body, colliders=self.colliders).garments
         sampler = ClipSampler(mocap)
-        begin = float(mocap.times[0])
-        count = min(int((BREAK + END + 1.2) / FRAME), int((mocap.times[-1] - begin) / FRAME))
+        begin, length = float(mocap.times[0]), float(mocap.times[-1] - mocap.times[0])
+        count = int((seconds if clip_time else min(seconds, length)) / FRAME)
+        times = [clip_time(n * FRAME, length) if clip_time else n * FRAME for n in range(count)]
         self.joints = [
-            retargeter.world_joints(sampler.sample(begin + n * FRAME), n * FRAME).copy()
-            for n in range(count)
+            retargeter.world_joints(sampler.sample(begin + t), n * FRAME).copy()
+            for n, t in enumerate(times)
         ]
         poser = ColliderPoser(self.colliders, self.body)
         self.path = [poser.poses(T).copy() for T in self.joints]
@@ -90,10 +116,27 @@ class Wearer:
             g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in self.garments
         }
         self.simulation = Simulation(self.garments, self.colliders)
+        self.links = JointLinks(self.colliders, rest_transforms(self.garments, self.colliders))
         self.stepper: ClothStepper
         self.shown: list[dict] = []
 
-    def play(self, cause: Cause | None) -> Frames:
+    def begin(self, cause: Cause, without: Frames) -> float:
+        """When a cause acts [s]: where a limb does it, when it is nearest to the garment."""
+        if cause.limb is None:
+            return BREAK
+        bone, garment = cause.limb
+        cores = Cores.of(self.colliders)
+        name = self.body.humanoid.get(bone, bone)
+        mine = [k for k, b in enumerate(cores.bone) if b in (bone, name)]
+        near: dict[int, float] = {}
+        for n, x in zip(without.number, without.garments, strict=True):
+            if 0.0 <= n * FRAME <= BREAK + 0.5 and n >= _SHOWN:
+                middle = cores.posed(self.path[n])[mine].mean(axis=1)
+                of = next(points for key, points in x.items() if garment in key)
+                near[n] = float(np.linalg.norm(of[:, None] - middle, axis=2).min())
+        return min(near, key=near.__getitem__) * FRAME
+
+    def play(self, cause: Cause | None, begin: float = BREAK) -> Frames:
         """One run."""
         simulation = self.simulation = Simulation(self.garments, self.colliders)
         self.stepper = stepper = ClothStepper.with_parameters(
@@ -106,7 +149,7 @@ class Wearer:
         pierced = PiercedSoFar(self.colliders, [g.name for g in self.garments])
         self.shown = []
         for n, poses in enumerate(self.path):
-            now, since = round(n * FRAME * SECOND), n * FRAME - BREAK
+            now, since = round(n * FRAME * SECOND), n * FRAME - begin
             acts = cause is not None and -1e-6 < since < cause.lasts - 1e-6
             if cause and cause.state and abs(since) < 1e-6:
                 cause.state(self)
@@ -139,16 +182,20 @@ class Wearer:
             jumps.forget()
         frames.number.append(at)
         frames.garments.append(x)
-        frames.through.append({(k, b) for k, bones in pierced.now.items() for b in bones})
+        through = {(k, b) for k, bones in pierced.now.items() for b in bones}
+        for g in self.garments:
+            links = self.links.through(x[g.name], g.triangles, self.stepper.poses)
+            through |= {(g.name, f"joint {link}") for link in links.tolist()}
+        frames.through.append(through)
         frames.jump.append(jumps.add(self.skinner.vertices(self.joints[at]), x))
+        frames.goes_home.append(any(self.simulation[k].worn.on_its_way.left > 0.0 for k in x))
         frames.edge.append(
             max(float(self.meshes[k].strain(v.astype(float)).max()) for k, v in x.items())
         )
-        frames.mended.append(sum(self._counts().values()))
 
     def _counts(self) -> dict[str, int]:
         health = [self.simulation.health(g.name) for g in self.garments]
-        names = ("resets", "recovered", "rewound", "rewound_parts")
+        names = ("resets", "recovered", "rewound", "rewound_parts", "not_rewound")
         counts = {k: sum(getattr(h, k, 0) for h in health) for k in names}
         counts["put_on"] = self.stepper.resets
         return counts
@@ -163,7 +210,7 @@ class Wearer:
         )
 
 
-def draw(wearer: Wearer, frames: Frames, ended: float, path: Path) -> None:
+def draw(wearer: Wearer, frames: Frames, begin: float, ended: float, path: Path) -> None:
     """A sheet: before it breaks, and some moments after the cause has ended."""
 
     def figure(time: float) -> Figure:
@@ -183,19 +230,21 @@ def draw(wearer: Wearer, frames: Frames, ended: float, path: Path) -> None:
         garment_colours=tuple(garment_colour(n) for n in range(len(wearer.garments))),
         floor=float(wearer.skinner.vertices(wearer.joints[0])[:, 2].min()),
     )
-    times = [BREAK - 0.05, *(ended + after for after in (0.0, 0.1, 0.25, 0.5, 1.0, 1.5))]
+    after = (0.0, 0.1, 0.2, 0.3, 0.35, 0.4, 0.5, 1.0)
+    times = [begin - 0.05, *(ended + t for t in after)]
     path.parent.mkdir(parents=True, exist_ok=True)
     moments([figure(t) for t in times], look, path, size=(220, 320))
 
 
 def judge(wearer: Wearer, cause: Cause, without: Frames, picture: Path | None) -> dict:
     """The line of one cause."""
-    frames = wearer.play(cause)
+    begin = wearer.begin(cause, without)
+    frames = wearer.play(cause, begin)
+    ended = begin + cause.lasts
     if picture is not None:
-        draw(wearer, frames, BREAK + cause.lasts, picture)
+        draw(wearer, frames, begin, ended, picture)
     at = {n: k for k, n in enumerate(without.number)}
-    ended = BREAK + cause.lasts
-    last_bad, bad, off, edge, inside, jump = 0.0, 0, 0.0, 0.0, 0.0, 0.0
+    last_bad, bad, off, edge, inside, jump, plain, home = 0.0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k, n in enumerate(frames.number):
         since = n * FRAME - ended
         if since < -1e-6 or since > END or n not in at:
@@ -204,9 +253,10 @@ def judge(wearer: Wearer, cause: Cause, without: Frames, picture: Path | None) -
         through = frames.through[k] - without.through[at[n]]
         if through:
             last_bad = since + FRAME
-        mended = frames.mended[k] != frames.mended[k - 1]
-        first = abs(since) < 1.5 * FRAME
-        jump = jump if mended or first else max(jump, frames.jump[k])
+        if since > 1.5 * FRAME:
+            jump, plain = max(jump, frames.jump[k]), max(plain, without.jump[at[n]])
+            # The last frame of a way is one in which it has ended.
+            home = max(home, frames.jump[k]) if any(frames.goes_home[k - 1 : k + 1]) else home
         if since < CALM:
             continue
         bad += bool(through)
@@ -222,6 +272,8 @@ def judge(wearer: Wearer, cause: Cause, without: Frames, picture: Path | None) -
         "inside_%": round(100 * inside, 2),
         "off_cm": round(100 * off, 1),
         "jump_cm": round(100 * jump, 1),
+        "home_cm": round(100 * home, 1),
+        "plain_cm": round(100 * plain, 1),
         **frames.counts,
         "skipped_s": round(wearer.stepper.skipped / SECOND, 2),
     }
@@ -245,7 +297,10 @@ def main() -> None:
                     wearer = Wearer(body, outfit, clip, options.out)
                     without = wearer.play(None)
                     for name in options.cause:
-                        picture = options.out / f"{Path(body).stem}_{outfit}_{name}.png"
+                        picture = (
+                            options.out
+                            / f"{Path(body).name.removesuffix('.glb')}_{outfit}_{name}.png"
+                        )
                         line = judge(
                             wearer, CAUSES[name], without, picture if options.pictures else None
                         )

@@ -24,6 +24,7 @@ class Cause:
         every: While it lasts, frames from one call of the cloth to the next; 0: none.
         sends: Whether poses are sent while it lasts.
         on_teleport: See `cloth_node`.
+        limb: The bone that does it, and part of the name of the garment that it does it to.
     """
 
     lasts: float = 0.0
@@ -32,6 +33,7 @@ class Cause:
     every: int = 1
     sends: bool = True
     on_teleport: str = "reset"
+    limb: tuple[str, str] | None = None
 
 
 def _not_finite(share: float) -> Callable[[Wearer], None]:
@@ -143,17 +145,21 @@ def _jumped(way: float) -> Callable[[ColliderPoses, int], ColliderPoses]:
     return lambda poses, n: _changed(poses, poses.position + np.array([way, 0.5 * way, 0.0]))
 
 
+def _by_limb(act: Callable, bone: str, garment: str, *reach: float) -> Cause:
+    return Cause(state=act(bone, garment, *reach), limb=(bone, garment))
+
+
 CAUSES: dict[str, Cause] = {
     "nan_some": Cause(state=_not_finite(0.05)),
     "nan_most": Cause(state=_not_finite(0.5)),
     "moved": Cause(state=_moved),
     "old": Cause(state=_old),
-    "hand_through_skirt": Cause(state=_dragged("leftHand", "skirt", 0.12)),
-    "thigh_through_skirt": Cause(state=_dragged("leftUpperLeg", "skirt", 0.15)),
-    "shin_through_skirt": Cause(state=_dragged("leftLowerLeg", "skirt", 0.15)),
-    "arm_through_sleeve": Cause(state=_dragged("leftUpperArm", "shirt", 0.06)),
-    "wound_on_arm": Cause(state=_wound("leftLowerArm", "skirt")),
-    "wound_on_thigh": Cause(state=_wound("leftUpperLeg", "skirt")),
+    "hand_through_skirt": _by_limb(_dragged, "leftHand", "skirt", 0.12),
+    "thigh_through_skirt": _by_limb(_dragged, "leftUpperLeg", "skirt", 0.15),
+    "shin_through_skirt": _by_limb(_dragged, "leftLowerLeg", "skirt", 0.15),
+    "arm_through_sleeve": _by_limb(_dragged, "leftUpperArm", "shirt", 0.06),
+    "wound_on_arm": _by_limb(_wound, "leftLowerArm", "skirt"),
+    "wound_on_thigh": _by_limb(_wound, "leftUpperLeg", "skirt"),
     "jump_below": Cause(lasts=0.5, poses=_jumped(0.25)),
     "jump_above": Cause(lasts=0.5, poses=_jumped(1.0)),
     "jump_kept": Cause(lasts=0.5, poses=_jumped(1.0), on_teleport="keep"),

@@ -102,6 +102,21 @@ class _Looker:
                     found.append(_Hits(name, k, excuses))
         return found
 
+    def is_pressed(self, core: int, at: int, but: Sequence[str]) -> bool:
+        """Whether the motion presses an end of a core into a body part, in the latest frame.
+
+        Args:
+            core: The core.
+            at: The end: 0 or 1.
+            but: Bones that are no reason.
+        """
+        ends = self.cores.ends[core]
+        near = NEAR / max(float(np.linalg.norm(ends[1] - ends[0])), 1e-9)
+        low, high = self._low[core], self._high[core]
+        inside = (low < high) & (low - near <= at) & (at <= high + near)
+        pressed = inside & (self._overlaps[core] <= _ALWAYS * self.frames)
+        return any(self.cores.solid_bone[s] not in but for s in np.flatnonzero(pressed))
+
     def counts(self, hits: _Hits) -> bool:
         """Whether hits have no excuse, by the frames so far."""
         always = _ALWAYS * self.frames
@@ -182,6 +197,17 @@ class PiercedSoFar:
     def posed_cores(self, poses: ColliderPoses) -> FloatArray:
         """Ends of all cores in the world [m], shape [c, 2, 3]."""
         return self._looker.cores.posed(poses)
+
+    def is_pressed(self, cores: Sequence[int], at: Sequence[int]) -> bool:
+        """Whether the motion presses ends of cores into bones other than theirs, at the latest.
+
+        Args:
+            cores: The cores.
+            at: Their ends: 0 or 1.
+        """
+        bones = [self._looker.cores.bone[k] for k in cores]
+        pairs = zip(cores, at, strict=True)
+        return any(self._looker.is_pressed(k, end, bones) for k, end in pairs)
 
     def share(self, name: str | None = None) -> float:
         """Share of the frames in which a garment was pierced; any of them where None."""

@@ -12,7 +12,6 @@ from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.model import ClothModel
-from garment_sim_ros.sim.motion import to_file_order
 from garment_sim_ros.sim.state import State
 from garment_sim_ros.sim.worn import Worn
 
@@ -99,12 +98,13 @@ class ByName:
     def positions(self, name: str, out: SingleArray | None = None) -> SingleArray:
         """World positions of a garment's vertices in file order [m], shape [v, 3].
 
+        Where it was wound back it is shown on its way there for some tenths of a second.
+
         Without `out`, an array that the next call for this garment overwrites.
         """
         worn = self._worn[name]
         out = worn.x_world if out is None else out
-        to_file_order(worn.state.x, worn.model.vertex, self._colliders.origin, out)
-        return out
+        return worn.seen(self._colliders.origin, out)
 
     def normals(self, name: str, out: SingleArray | None = None) -> SingleArray:
         """Unit normals of a garment's vertices in file order, shape [v, 3].

@@ -6,7 +6,6 @@ from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.model import ClothModel
-from garment_sim_ros.sim.motion import to_file_order
 from garment_sim_ros.sim.placement import GarmentLike
 from garment_sim_ros.sim.state import State
 from garment_sim_ros.sim.worn import Worn
@@ -48,9 +47,7 @@ class GarmentView:
     @property
     def positions(self) -> SingleArray:
         """World positions of the vertices [m], shape [v, 3]."""
-        x = np.empty((len(self.worn.model), 3), np.float32)
-        to_file_order(self.worn.state.x, self.worn.model.vertex, self._origin, x)
-        return x
+        return self.worn.seen(self._origin)
 
     @property
     def velocities(self) -> SingleArray:

@@ -15,6 +15,9 @@ class Health:
         recovered: Particles that were, and were put back among their neighbours.
         rewound: Times it was no longer worn right and all of it was wound back, see `rewinding`.
         rewound_parts: Times it was so, and a part was enough.
+        caught: Times it was to be wound back because a limb stayed in its cloth.
+        came_off: Times because nothing was through an opening any more that something was through.
+        not_rewound: Times of these that no state was found that is worn right; it stays as it is.
         held: Free particles that a limit held in the last step: tethers, or a distance from skin;
             and pairs of the garment's own parts that were kept apart.
         let_go: Free particles so stretched that what passes their garment by passes through them.
@@ -30,6 +33,9 @@ class Health:
     recovered: int = 0
     rewound: int = 0
     rewound_parts: int = 0
+    caught: int = 0
+    came_off: int = 0
+    not_rewound: int = 0
     held: int = 0
     let_go: int = 0
     tangled: int = 0
@@ -45,6 +51,9 @@ def totals(garments: Sequence[Health]) -> dict[str, int]:
         "garments_put_back": "resets",
         "garments_rewound": "rewound",
         "garment_parts_rewound": "rewound_parts",
+        "garments_caught": "caught",
+        "garments_came_off": "came_off",
+        "garments_not_rewound": "not_rewound",
         "particles_recovered": "recovered",
         "particles_held": "held",
         "particles_let_go": "let_go",

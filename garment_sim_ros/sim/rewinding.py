@@ -19,18 +19,21 @@ from garment_sim_ros.arrays import FloatArray, SingleArray
 from garment_sim_ros.contact.pierced import PiercedSoFar
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.locality import near_together
+from garment_sim_ros.sim.joint_links import JointLinks
 from garment_sim_ros.sim.motion import to_file_order
 from garment_sim_ros.sim.openings import Openings
 from garment_sim_ros.sim.placement import blend
 from garment_sim_ros.sim.worn import Worn
 
-_PERIOD = 0.1
+_PERIOD = 1 / 15
 """Time between two looks [s]."""
-_PATIENCE = 3
+_PATIENCE = 4
 """Looks with a limb in the cloth, less those without, after which it will not come out."""
-_KEPT = 10
+_OFF = 3
+"""The same where it is off the body: it falls as long as that is waited for."""
+_KEPT = 15
 """States kept of a garment: one for each look that found nothing."""
-_TO_TRY = (1, 3, -1)
+_TO_TRY = (1, 4, -1)
 """Which of them are tried, in looks before the first that found something; the last is oldest."""
 _WAIT, _LONGEST_WAIT = 0.2, 3.0
 """After a try the next one comes so much later, twice as long each time [s]."""
@@ -88,6 +91,7 @@ class Rewinding:
         self._worn = worn
         self.origin = origin
         self._limbs = PiercedSoFar(colliders, list(worn))
+        self._links = JointLinks(colliders, T_world_rest)
         self._triangles = {
             n: near_together(w.garment.vertices, w.model.triangles) for n, w in worn.items()
         }
@@ -123,12 +127,12 @@ class Rewinding:
         """
         if time < self._next:
             return ()
-        self._next = time + _PERIOD
+        self._next = time + _PERIOD - 1e-6
         posed = {name: self.positions(worn) for name, worn in self._worn.items()}
         self._find(posed, poses)
         broken = []
         for name, record in self._records.items():
-            record.cores = self._limbs.cores_now[name]
+            record.cores = self._through(name, posed[name], poses)
             record.is_off = record.openings.lost(posed[name], poses)
             if record.cores or record.is_off:
                 record.count, record.good_since = min(record.count + 1, _PATIENCE), time
@@ -138,8 +142,12 @@ class Rewinding:
                 record.kept.append(Kept(posed[name], poses.copy()))
             if time - record.good_since > 2.0:
                 record.tries = 0
-            if record.count >= _PATIENCE and time >= record.not_before:
+            patience = _OFF if record.is_off else _PATIENCE
+            if record.count >= patience and time >= record.not_before:
                 broken.append(name)
+                health = self._worn[name].health
+                health.came_off += record.is_off
+                health.caught += not record.is_off
         self._then, self._at = self._at, poses.copy()
         return tuple(broken)
 
@@ -173,7 +181,7 @@ class Rewinding:
         name = worn.garment.name
         self._find({name: x}, poses)
         is_off = self._records[name].openings.lost(x, poses)
-        return not (is_off or self._limbs.cores_now[name])
+        return not (is_off or self._through(name, x, poses))
 
     def skin_velocity(self, worn: Worn) -> SingleArray:
         """How fast a garment would move as skin [m/s], in the order of its model, shape [n, 3]."""
@@ -199,6 +207,15 @@ class Rewinding:
         share = np.clip((_FAR - away) / (_FAR - _NEAR), 0.0, 1.0)
         weight: NDArray[np.float64] = share * share * (3.0 - 2.0 * share)
         return weight
+
+    def _through(self, name: str, x: SingleArray, poses: ColliderPoses) -> tuple[int, ...]:
+        """The cores that run through a garment, or next to joints that do, as just found."""
+        links = self._links
+        found = set(self._limbs.cores_now[name])
+        for k in links.through(x, self._triangles[name], poses).tolist():
+            if not self._limbs.is_pressed(links.cores[k].tolist(), links.at[k].tolist()):
+                found.update(links.cores[k].tolist())
+        return tuple(sorted(found))
 
     def _find(self, posed: Mapping[str, SingleArray], poses: ColliderPoses) -> None:
         self._limbs.add(poses, {n: (x, self._triangles[n]) for n, x in posed.items()})

@@ -338,6 +338,7 @@ class Simulation(ByName):
         """Takes readings after so many steps of dt [s]."""
         for worn in self._worn.values():
             worn.health.steps += steps
+            worn.go_on(self._colliders, steps * dt)
             worn.watch(self._colliders, dt)
             worn.health.tangled = 0
         for outer, pairs in self._under.items():

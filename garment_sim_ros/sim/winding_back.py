@@ -11,6 +11,7 @@ from garment_sim_ros.geometry.transforms import (
     quaternion_from_matrix,
     transform_from,
 )
+from garment_sim_ros.sim.on_its_way import turn_with
 from garment_sim_ros.sim.placement import blend
 from garment_sim_ros.sim.rewinding import Kept, Rewinding, overstretched
 from garment_sim_ros.sim.worn import Worn
@@ -54,14 +55,8 @@ def carried(worn: Worn, kept: Kept, poses: ColliderPoses) -> SingleArray:
     garment = worn.garment
     then, now = worn.frames.world(kept.poses), worn.frames.world(poses)
     off = kept.x - blend(garment, then)
-    # What a frame turned by since then, of the frame that a vertex follows most.
-    turned = now[:, :3, :3] @ then[:, :3, :3].transpose(0, 2, 1)
     weight, index = np.asarray(garment.frame_weight), np.asarray(garment.frame_index)
-    R = (weight[:, :, None, None] * turned[index]).sum(axis=1)
-    length = np.linalg.norm(off, axis=1, keepdims=True)
-    off = np.einsum("vij,vj->vi", R, off)
-    # A blend of rotations shortens.
-    off *= length / np.maximum(np.linalg.norm(off, axis=1, keepdims=True), 1e-9)
+    off = turn_with(off, index, weight, then[:, :3, :3], now[:, :3, :3])
     return (blend(garment, now) + off).astype(np.float32)
 
 
@@ -88,6 +83,7 @@ def wind_back(
     """
     name, origin = worn.garment.name, rewinding.origin
     before = worn.state.copy()
+    seen = worn.seen(origin)
     x, v = rewinding.positions(worn), rewinding.skin_velocity(worn)
     whole, bears = np.ones(len(x)), min(overstretched(worn, x), _MOST) + _MORE
     for kept in rewinding.candidates(name):
@@ -104,9 +100,18 @@ def wind_back(
             mixed = (x + share[:, None] * (good - x)).astype(np.float32)
             part = bool(share.min() < 1.0) and rewinding.is_well(worn, mixed, poses, bears)
             worn.wind_back(good.astype(np.float64), v, share if part else whole, origin)
+            _set_out(rewinding, worn, seen, poses)
             worn.health.rewound += not part
             worn.health.rewound_parts += part
             return True
     worn.state.assign(before)
     worn.wind_back(x.astype(np.float64), v, np.zeros(len(x)), origin)
+    _set_out(rewinding, worn, seen, poses)
+    worn.health.not_rewound += 1
     return False
+
+
+def _set_out(rewinding: Rewinding, worn: Worn, seen: SingleArray, poses: ColliderPoses) -> None:
+    """Lets a garment that was seen somewhere be seen on its way to where it is."""
+    off = seen.astype(np.float64) - rewinding.positions(worn)
+    worn.on_its_way.begin(off, worn.frames.world(poses))

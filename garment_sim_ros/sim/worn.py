@@ -18,7 +18,8 @@ from garment_sim_ros.sim.holds.skin_limits import SKIN_LIMITS
 from garment_sim_ros.sim.holds.skin_places import SkinPlaces
 from garment_sim_ros.sim.holds.stitching import Stitching
 from garment_sim_ros.sim.model import ClothModel, build_model
-from garment_sim_ros.sim.motion import measure_motion, move_pins, shift
+from garment_sim_ros.sim.motion import measure_motion, move_pins, shift, to_file_order
+from garment_sim_ros.sim.on_its_way import OnItsWay
 from garment_sim_ros.sim.piece import Piece
 from garment_sim_ros.sim.placement import (
     Frames,
@@ -48,6 +49,7 @@ class Worn(Piece):
         places: Where it would be as skin, None unless a constraint asks.
         letting_go: Releases overstretched cloth from colliders that should only brush the
             garment; None where there are none.
+        on_its_way: What it is shown off its place where it was wound back.
         x_world: World positions of its vertices in file order [m], shape [v, 3].
         normal: Their unit normals, shape [v, 3].
     """
@@ -59,6 +61,7 @@ class Worn(Piece):
     health: Health
     places: SkinPlaces | None
     letting_go: LettingGo | None
+    on_its_way: OnItsWay
     x_world: SingleArray
     normal: SingleArray
 
@@ -119,6 +122,7 @@ class Worn(Piece):
             health=Health(),
             places=places,
             letting_go=LettingGo(model, workspace.sides) if garment.passed_by else None,
+            on_its_way=OnItsWay(garment),
             constraints=_constraints(garment, places, model, workspace),
             x_world=np.zeros((len(model), 3), np.float32),
             normal=np.zeros((len(model), 3), np.float32),
@@ -201,6 +205,23 @@ class Worn(Piece):
         self._forget()
         self.measure()
 
+    def seen(self, origin: FloatArray, out: SingleArray | None = None) -> SingleArray:
+        """World positions of its vertices as they are shown, in file order [m], shape [v, 3].
+
+        Args:
+            origin: What the state is relative to [m], shape [3].
+            out: Receives them; else a new array.
+        """
+        out = np.empty((len(self.model), 3), np.float32) if out is None else out
+        to_file_order(self.state.x, self.model.vertex, origin, out)
+        self.on_its_way.add_to(out)
+        return out
+
+    def go_on(self, colliders: ColliderState, time: float) -> None:
+        """Some time has passed [s]: it comes nearer to where it was put."""
+        if self.on_its_way.left > 0.0:
+            self.on_its_way.go(time, self.frames.world(colliders.end))
+
     def measure(self) -> None:
         """Measures the motion again, where something else than the solver changed it."""
         measure_motion(self.state.v[: self.model.free_count], self.workspace.motion)
@@ -228,6 +249,7 @@ class Worn(Piece):
         )
         self.state.v[free:] = 0.0
         self.good.assign(self.state)
+        self.on_its_way.end()
         self._forget()
 
     def watch(self, colliders: ColliderState, dt: float) -> None:
