@@ -6,7 +6,7 @@ from typing import Any, Protocol
 from garment_sim_ros.declaration import Declaration
 from garment_sim_ros.nodes import NODES
 
-CLOTH, PLAYER = "cloth_node", "mocap_player"
+CLOTH, COLLIDERS, PLAYER = "cloth_node", "collider_node", "mocap_player"
 SHOWN = ("preset", "solver", "gravity", "wind", "wind_drag", "wind_lift", "gust")
 """Parameters of the cloth node on the page."""
 _LONGEST = 200

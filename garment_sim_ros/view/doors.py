@@ -14,9 +14,7 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 from urllib.parse import urlsplit
 
-import viser
 from viser import _messages as messages
-from viser import infra
 
 CHECKED_WITH = ("1.1",)
 """Major and minor versions of `viser`."""
@@ -46,19 +44,17 @@ class Doors:
         refused: Connections and messages that were refused, by reason.
     """
 
-    def __init__(self, server: "viser.ViserServer", *, loopback: bool) -> None:
+    def __init__(self, server: Any, *, loopback: bool) -> None:
         self.refused: Counter[str] = Counter()
         self._loopback = loopback
         self._barred: set[int] = set()
         inner = server._websock_server
         self._live = inner._live_connections
-        inner._handle_incoming_message = self._checked(  # type: ignore[method-assign]
-            inner._handle_incoming_message
-        )
+        inner._handle_incoming_message = self._checked(inner._handle_incoming_message)
         inner.on_client_connect(self._let_in)
 
-    async def _let_in(self, connection: "infra.WebsockClientConnection") -> None:
-        connection._handle_incoming_message = self._checked(  # type: ignore[method-assign]
+    async def _let_in(self, connection: Any) -> None:
+        connection._handle_incoming_message = self._checked(
             connection._handle_incoming_message, count=False
         )
         socket = self._live[connection.client_id]

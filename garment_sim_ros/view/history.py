@@ -29,12 +29,12 @@ class History:
 
     def add(self, now: float, frame: Frame) -> None:
         """Keep a frame's errors, the largest of its garments."""
-        values = [
+        strain, inside = (
             max((_finite(own.get(key, 0.0)) for own in frame.quality.values()), default=0.0)
             for key in ERRORS
-        ]
+        )
         with self._lock:
-            self._rows.append((now, *values))
+            self._rows.append((now, strain, inside))
 
     def rate(self, now: float) -> float:
         """Frames in the last second."""

@@ -1,7 +1,7 @@
 """Colours by a number: levels of a scale, each a mesh of one colour.
 
-A page changes the colour of a whole mesh at no cost, but not that of its vertices; so the triangles
-of a garment are divided among the levels of a scale.
+A page changes the colour of a whole mesh at no cost, but not that of its vertices; so the
+triangles of a garment are divided among the levels of a scale.
 """
 
 from dataclasses import dataclass
@@ -75,7 +75,7 @@ def edges_of_triangles(mesh: GarmentMesh) -> IntArray:
 
 
 def depth_of_triangles(skin: MeshDistance, triangles: IntArray, x: SingleArray) -> FloatArray:
-    """How deep each triangle's deepest vertex is in a posed skin [m], shape [t]; positive inside."""
+    """Depth of each triangle's deepest vertex in a posed skin [m], shape [t]; positive inside."""
     depth = -skin.signed_distance(np.asarray(x, np.float64))[0]
     of_triangles: FloatArray = depth[triangles].max(axis=1)
     return of_triangles

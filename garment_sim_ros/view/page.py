@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import viser
+from PIL import Image
 
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import GarmentSimError, ParameterError
@@ -17,8 +18,8 @@ from garment_sim_ros.view.scene import Drawn
 
 _PORT_OVERRIDE = "_VISER_PORT_OVERRIDE"
 _ROOT = "/avatar"
-_EYE = (1.6, -2.6, 1.5)
-_MIDDLE = (0.0, 0.0, 0.95)
+_EYE = (1.2, -2.1, 1.35)
+_MIDDLE = (0.0, 0.0, 0.88)
 _FOLLOW = 0.15
 """Share of the way to the avatar that the view goes in one frame."""
 _LOST = 3.0
@@ -108,7 +109,7 @@ class Page:
                 d.triangles.astype(np.uint32),
                 color=d.colour,
                 opacity=d.opacity,
-                side=d.side,  # type: ignore[arg-type]
+                side=d.side,
                 cast_shadow=d.opacity is None and d.side != "back",
                 receive_shadow=False,
             )
@@ -133,22 +134,19 @@ class Page:
         Raises:
             GarmentSimError: It did not draw it.
         """
-        import imageio.v3 as iio
-
         camera = client.camera
         height = min(max(int(camera.image_height), 16), _LARGEST_SHOT)
         width = min(max(int(camera.image_width), 16), _LARGEST_SHOT)
         try:
-            pixels = client.get_render(
-                height, width, transport_format="png", timeout=_SHOT_LIMIT
-            )
+            pixels = client.get_render(height, width, transport_format="png", timeout=_SHOT_LIMIT)
         except (RuntimeError, TimeoutError) as error:
             raise GarmentSimError(f"screenshot: {error}") from None
         # Where nothing is drawn the picture is transparent.
         opaque = pixels[..., 3:].astype(np.float32) / 255.0
         flat = pixels[..., :3] * opaque + 255.0 * (1.0 - opaque)
-        data: bytes = iio.imwrite("<bytes>", flat.astype(np.uint8), extension=".png")
-        return data
+        out = io.BytesIO()
+        Image.fromarray(flat.astype(np.uint8)).save(out, "PNG")
+        return out.getvalue()
 
     def close(self) -> None:
         """End serving."""
@@ -176,7 +174,9 @@ def _free(host: str, port: int) -> tuple[str, bool]:
         try:
             probe.bind(address)
         except PermissionError:
-            raise ParameterError("--port", f"{port} is not for users", "allowed: above 1023") from None
+            raise ParameterError(
+                "--port", f"{port} is not for users", "allowed: above 1023"
+            ) from None
         except OSError as error:
             if error.errno == 98:
                 raise _taken(port) from None

@@ -31,6 +31,7 @@ _LEGENDS = {
     PLAIN: "One colour for each garment; the inside is darker.",
     LAYER: "One colour for each layer; grey: not known.",
 }
+_STYLE = "padding:0 1em;font-size:0.8em"
 _WAIT_FOR_OWN = 1.5
 """After a change the value that the node tells may still be the old one [s]."""
 
@@ -98,7 +99,7 @@ class Panel:
                 "speed", tuple(f"{s:g}" for s in SPEEDS), initial_value=f"{playback.speed:g}"
             )
             length = max(playback.duration, 1e-3)
-            at = self._gui.add_slider("time [s]", 0.0, length, min(0.01, length), 0.0)
+            at: Any = self._gui.add_slider("time [s]", 0.0, length, min(0.01, length), 0.0)
 
         @play.on_update
         def _(event: Any) -> None:
@@ -174,9 +175,7 @@ class Panel:
                 title="Errors", scales={"x": {"time": False}}, height=150,
             )  # fmt: skip
 
-        def show(
-            rates: tuple[FloatArray, FloatArray], wrong: tuple[FloatArray, ...]
-        ) -> None:
+        def show(rates: tuple[FloatArray, FloatArray], wrong: tuple[FloatArray, ...]) -> None:
             rate.data = _thinned(rates)
             errors.data = _thinned((wrong[0], 100.0 * wrong[1], 100.0 * wrong[2]))
 
@@ -253,8 +252,8 @@ class _Field:
 def _legend(name: str) -> str:
     scale = _SCALES.get(name)
     if scale is None:
-        return f'<div style="padding:0 1em">{_LEGENDS[name]}</div>'
-    return f'<div style="padding:0 1em">{_bar(scale)}</div>'
+        return f'<div style="{_STYLE}">{_LEGENDS[name]}</div>'
+    return f'<div style="{_STYLE}">{_bar(scale)}</div>'
 
 
 def _bar(scale: Scale) -> str:

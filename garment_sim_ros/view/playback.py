@@ -52,10 +52,14 @@ class Playback:
         self.shown = shown
         self._body = (body, bone_names) if body else None
         self.cloths: Mapping[str, Cloth] = {
-            name: Cloth(vertices=shown.garments[name].vertices, triangles=shown.garments[name].triangles)
+            name: Cloth(
+                vertices=shown.garments[name].vertices, triangles=shown.garments[name].triangles
+            )
             for name in _in_order(shown)
         }
-        self.colliders: ColliderSet | None = shown.colliders and shown.colliders.colliders
+        self.colliders: ColliderSet | None = (
+            None if shown.colliders is None else shown.colliders.colliders
+        )
         self.duration = 1e-9 * float(shown.stamp[-1] - shown.stamp[0])
         self.time = 0.0
         self.playing = True
@@ -103,7 +107,8 @@ class Playback:
         since = 1e-9 * (arrival - arrival[0])
         counts = np.bincount(since.astype(np.int64)) if len(since) else np.zeros(0)
         whole = counts[:-1] if len(counts) > 1 else counts
-        return np.arange(len(whole)) + 0.5, whole.astype(np.float64)
+        seconds: FloatArray = np.arange(0.5, len(whole))
+        return seconds, whole.astype(np.float64)
 
     def errors(self, key: str) -> tuple[FloatArray, FloatArray]:
         """Time [s] and largest value of a figure over the garments, frame by frame."""

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -57,7 +58,7 @@ class Drawn:
     vertices: SingleArray
     triangles: IntArray
     colour: Rgb
-    side: str
+    side: Literal["front", "back", "double"]
     opacity: float | None = None
 
 
