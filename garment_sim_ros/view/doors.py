@@ -19,10 +19,11 @@ from viser import _messages as messages
 CHECKED_WITH = ("1.1",)
 """Major and minor versions of `viser`."""
 
-_LET_THROUGH = (
-    messages.ViewerCameraMessage,
-    messages.GetRenderResponseMessage,
-)
+_CAMERA = {
+    **{"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3},
+    **{"fov": 1, "near": 1, "far": 1, "image_height": 1, "image_width": 1},
+}
+"""How many numbers each field of a camera has."""
 _LONGEST_TEXT = 200
 _MOST_NUMBERS = 8
 _POLICY = 1008
@@ -103,15 +104,22 @@ def is_harmless(message: Any) -> bool:
             and set(updates) <= {"value"}
             and all(_is_plain(value) for value in updates.values())
         )
-    return isinstance(message, _LET_THROUGH)
+    if isinstance(message, messages.ViewerCameraMessage):
+        return all(_are_numbers(getattr(message, key), n) for key, n in _CAMERA.items())
+    return isinstance(message, messages.GetRenderResponseMessage)
+
+
+def _are_numbers(value: Any, count: int) -> bool:
+    values = value if isinstance(value, list | tuple) else [value]
+    return len(values) == count and all(
+        isinstance(v, int | float) and math.isfinite(v) for v in values
+    )
 
 
 def _is_plain(value: Any) -> bool:
     """Whether a value is a short text, a finite number, or a few of these."""
     if isinstance(value, list | tuple):
-        return len(value) <= _MOST_NUMBERS and all(
-            isinstance(v, int | float) and math.isfinite(v) for v in value
-        )
+        return len(value) <= _MOST_NUMBERS and _are_numbers(value, len(value))
     if isinstance(value, str):
         return len(value) <= _LONGEST_TEXT
     return value is None or (isinstance(value, int | float) and math.isfinite(value))

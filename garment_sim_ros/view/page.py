@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import logging
 import os
 import socket
 from collections.abc import Iterator, Sequence
@@ -50,6 +51,8 @@ class Page:
         address, loopback = _free(host, port)
         # The library would move elsewhere, without a word, where it cannot have what it was told.
         os.environ.pop(_PORT_OVERRIDE, None)
+        # Connections that send nonsense are ended; that is no news.
+        logging.getLogger("websockets").setLevel(logging.CRITICAL)
         with _quiet():
             self.server = viser.ViserServer(host=address, port=port, verbose=False)
         self.port = self.server.get_port()
