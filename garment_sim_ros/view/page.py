@@ -25,6 +25,8 @@ _FOLLOW = 0.15
 """Share of the way to the avatar that the view goes in one frame."""
 _LOST = 3.0
 """Beyond this distance the view jumps [m]."""
+_THERE = 1e-3
+"""Within this distance the view stands still [m]."""
 _SHOT_LIMIT = 20.0
 """For a browser to draw a picture [s]."""
 _LARGEST_SHOT = 4096
@@ -81,15 +83,9 @@ class Page:
         """Whether a browser has the page open."""
         return bool(self.server.get_clients())
 
-    def show(self, drawn: Sequence[Drawn], centre: FloatArray) -> None:
-        """Show these meshes and no others.
-
-        Args:
-            drawn: The meshes.
-            centre: The middle of the avatar in the world [m], shape [3].
-        """
+    def show(self, drawn: Sequence[Drawn]) -> None:
+        """Show these meshes and no others."""
         with self.server.atomic():
-            self._look_at(centre)
             for d in drawn:
                 self._show(d)
             names = {d.name for d in drawn}
@@ -122,12 +118,20 @@ class Page:
         handle.color = d.colour
         handle.visible = True
 
-    def _look_at(self, centre: FloatArray) -> None:
+    def look_at(self, centre: FloatArray) -> None:
+        """Go a part of the way to a place; to be called again and again.
+
+        Args:
+            centre: The middle of the avatar in the world [m], shape [3].
+        """
         target = np.array([centre[0], centre[1], 0.0]) if self.follows else np.zeros(3)
         if not np.isfinite(target).all():
             return
         way = target - self._offset
-        near = float(np.linalg.norm(way)) < _LOST  # not at first: then it is not a number
+        far = float(np.linalg.norm(way))
+        if far < _THERE:
+            return
+        near = far < _LOST  # not at first: then it is not a number
         self._offset = self._offset + _FOLLOW * way if near else target
         self._root.position = tuple(-self._offset)
 

@@ -117,8 +117,7 @@ class Panel:
                 self.changed = True
 
         def show() -> None:
-            if playback.playing:
-                at.value = round(min(playback.time, length), 2)
+            at.value = round(min(playback.time, length), 2)
 
         return show
 

@@ -35,7 +35,7 @@ COLOURS = (PLAIN, STRAIN.name, PENETRATION.name, LAYER)
 SKIN_COLOUR: Rgb = (204, 173, 153)
 COLLIDER_COLOUR: Rgb = (89, 140, 217)
 _COLLIDER_OPACITY = 0.35
-_INSIDE = 0.42
+_INSIDE = 0.6
 """The inside of cloth is darker than its outside by this factor."""
 _REST = 3.0
 """Least time between two measurements of the penetration, per time that one takes."""

@@ -4,6 +4,8 @@ import threading
 import time
 from collections.abc import Callable
 
+import numpy as np
+
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.errors import GarmentSimError
@@ -42,11 +44,11 @@ class Session:
         self.before: Callable[[float], None] = lambda seconds: None
         self.slowly: list[Callable[[], None]] = []
         self._frame: Frame | None = None
+        self._centre = np.zeros(3)
         self._loading: tuple[str, str] | None = None
         self._loaded: tuple[Body | None, str] | None = None
         self._watched = 0
         self._next_slow = 0.0
-        self._shown = 0.0
 
     def run(self, until: Callable[[], bool]) -> None:
         """Until a condition is true."""
@@ -75,8 +77,10 @@ class Session:
         # Nothing is worked out for nobody, but the first picture waits for whoever comes.
         if self._frame is not None and due and (watched or not self.frames):
             self.panel.changed = False
-            self._page.show(self.scene.draw(self._frame), self.scene.centre(self._frame))
+            self._page.show(self.scene.draw(self._frame))
+            self._centre = self.scene.centre(self._frame)
             self.frames += 1
+        self._page.look_at(self._centre)
         if now >= self._next_slow:
             self._next_slow = now + _SLOW
             words = [self._source.words()]

@@ -338,7 +338,19 @@ def test_ctrl_c_ends_it(write):  # noqa: F811
         free.bind(("127.0.0.1", int(url.rpartition(":")[2])))
 
 
-def test_pictures_are_of_finite_things(page):
-    page.show([], np.array([np.nan, 0.0, 0.0]))
-    page.show([], np.zeros(3))
-    assert np.isfinite(page._root.position).all()
+def test_the_view_follows_jumps_after_far_ones_and_comes_to_rest(page):
+    page.look_at(np.array([np.nan, 0.0, 0.0]))
+    page.look_at(np.array([9.0, 0.0, 1.0]))
+    assert tuple(page._root.position) == (-9.0, 0.0, 0.0)
+    page.look_at(np.array([10.0, 0.0, 1.0]))
+    assert -10.0 < page._root.position[0] < -9.0
+    for _ in range(100):
+        page.look_at(np.array([10.0, 0.0, 1.0]))
+    rest = page._root.position[0]
+    assert rest == pytest.approx(-10.0, abs=2e-3)
+    page.look_at(np.array([10.0, 0.0, 1.0]))
+    assert page._root.position[0] == rest
+    page.follows = False
+    for _ in range(100):
+        page.look_at(np.array([10.0, 0.0, 1.0]))
+    assert page._root.position[0] == pytest.approx(0.0, abs=2e-3)
