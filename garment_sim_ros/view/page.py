@@ -21,6 +21,8 @@ _PORT_OVERRIDE = "_VISER_PORT_OVERRIDE"
 _ROOT = "/avatar"
 _EYE = (1.2, -2.1, 1.35)
 _MIDDLE = (0.0, 0.0, 0.88)
+_FIELD = 0.8
+"""Vertical field of view [rad]."""
 _FOLLOW = 0.15
 """Share of the way to the avatar that the view goes in one frame."""
 _LOST = 3.0
@@ -71,6 +73,7 @@ class Page:
         gui.set_panel_label("garment-sim view")
         self.server.initial_camera.position = _EYE
         self.server.initial_camera.look_at = _MIDDLE
+        self.server.initial_camera.fov = _FIELD
         self.server.initial_camera.up = (0.0, 0.0, 1.0)
         self._root = self.server.scene.add_frame(_ROOT, show_axes=False)
         self.server.scene.add_grid(

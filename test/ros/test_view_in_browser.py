@@ -158,6 +158,7 @@ def test_a_screenshot_is_a_png_of_the_scene(browser, bag):
     with viewing(str(bag), "--body", "none") as url:
         browser.open(url)
         tick(browser, "play")
+        browser.write(field(browser, "time [s]"), "0.1")  # its outside is seen
         settled(browser)
         script = """
             return [...document.querySelectorAll('button')].filter(
