@@ -135,7 +135,8 @@ def test_a_bag_plays_stands_and_is_scrubbed(browser, bag):
         later = settled(browser)
         assert "0.10 of 0.65 s" in text(browser)
 
-        # The flag shows its outside here. The same time is the same picture, another colour is another one.
+        # The flag shows its outside here. The same time is the same picture, and another colour
+        # is another one.
         browser.write(field(browser, "time [s]"), "0.5")
         until(lambda: changed(later, scene(browser)) > SEEN, "it goes back")
         browser.write(field(browser, "time [s]"), "0.1")

@@ -11,6 +11,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -336,6 +337,17 @@ def test_ctrl_c_ends_it(write):  # noqa: F811
     with socket.socket() as free:  # and nothing holds the port
         free.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         free.bind(("127.0.0.1", int(url.rpartition(":")[2])))
+
+
+def test_commands_of_the_page_about_it_can_be_given():
+    text = (Path(__file__).parents[2] / "docs" / "view.md").read_text()
+    block = text.split("```bash\n")[1].split("```")[0]
+    commands = [line.partition("#")[0].split()[1:] for line in block.splitlines()]
+    assert len(commands) == 2
+    for words in commands:
+        args = cli.parser("view").parse_args(words)
+        assert args.host == "127.0.0.1"
+        assert args.port == 8080
 
 
 def test_the_view_follows_jumps_after_far_ones_and_comes_to_rest(page):
