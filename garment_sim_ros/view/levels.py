@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
-from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.recording.metrics import GarmentMesh
 
 Rgb = tuple[int, int, int]
@@ -72,13 +71,6 @@ def edges_of_triangles(mesh: GarmentMesh) -> IntArray:
     """Which edges each triangle has, shape [t, 3]."""
     # As `samples` are ordered: particles, edges, triangles.
     return mesh.samples_of_triangle[:, 3:6] - np.int32(mesh.vertices)
-
-
-def depth_of_triangles(skin: MeshDistance, triangles: IntArray, x: SingleArray) -> FloatArray:
-    """Depth of each triangle's deepest vertex in a posed skin [m], shape [t]; positive inside."""
-    depth = -skin.signed_distance(np.asarray(x, np.float64))[0]
-    of_triangles: FloatArray = depth[triangles].max(axis=1)
-    return of_triangles
 
 
 def part(triangles: IntArray, x: SingleArray) -> tuple[SingleArray, IntArray]:

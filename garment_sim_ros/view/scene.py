@@ -8,12 +8,8 @@ from typing import Literal
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
-from garment_sim_ros.body.skin import Body
-from garment_sim_ros.colliders.skin_from_poses import SkinFromPoses
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
-from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.colours import garment_colour
-from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.recording.metrics import GarmentMesh
 from garment_sim_ros.view.collider_surface import ColliderSurface
 from garment_sim_ros.view.frame import Cloth, Frame
@@ -23,11 +19,11 @@ from garment_sim_ros.view.levels import (
     STRAIN,
     Rgb,
     colour,
-    depth_of_triangles,
     edges_of_triangles,
     part,
     strain_of_triangles,
 )
+from garment_sim_ros.view.wearer import Wearer
 
 PLAIN, LAYER = "garment", "layer"
 COLOURS = (PLAIN, STRAIN.name, PENETRATION.name, LAYER)
@@ -105,10 +101,8 @@ class Scene:
         self._worn: dict[str, _Worn] = {}
         self._cloths: Mapping[str, Cloth] = {}
         self._colliders: ColliderSet | None = None
-        self._body: Body | None = None
         self._surface: ColliderSurface | None = None
-        self._skin: SkinFromPoses | None = None
-        self._distance: MeshDistance | None = None
+        self._wearer: Wearer | None = None
         self.is_behind = False
         self._not_before = 0.0
 
@@ -126,30 +120,15 @@ class Scene:
     def set_colliders(self, colliders: ColliderSet | None) -> None:
         """Take over other colliders."""
         if colliders is not self._colliders:
-            self._colliders = colliders
-            self._surface = None if colliders is None else ColliderSurface(colliders)
-            self._make_skin()
+            self._colliders, self._surface = colliders, None
+            if self._wearer is not None and self._wearer.colliders is not colliders:
+                self._wearer = None
 
-    def set_body(self, body: Body | None, why: str = "body not known") -> None:
+    def set_wearer(self, wearer: Wearer | None, why: str = "") -> None:
         """Take over another body; without one, the reason why there is none."""
-        self._body = body
-        self._make_skin()
-        if body is None:
-            self.skinless = why
-
-    def _make_skin(self) -> None:
-        self._skin = self._distance = None
-        if self._body is None:
-            return
-        if self._colliders is None:
-            self.skinless = "no collider_description"
-            return
-        try:
-            self._skin = SkinFromPoses(self._colliders, self._body)
-            self._distance = MeshDistance(self._body.skin.vertices, self._body.skin.triangles)
-            self.skinless = ""
-        except GeometryError as error:
-            self.skinless = f"another body: {error}"
+        self.skinless = why
+        known = wearer is not None and wearer.colliders is self._colliders
+        self._wearer = wearer if known else None
 
     def draw(self, frame: Frame) -> list[Drawn]:
         """The meshes of a frame, all there are to be seen."""
@@ -180,15 +159,19 @@ class Scene:
     def _draw_body(self, poses: ColliderPoses | None) -> Iterator[Drawn]:
         if poses is None:
             return
-        if self.shows.body and self._skin is not None and self._body is not None:
+        if self.shows.body and self._wearer is not None:
             yield Drawn(
                 name="body",
-                vertices=self._skin.vertices(poses).astype(np.float32),
-                triangles=self._body.skin.triangles,
+                vertices=self._wearer.vertices(poses),
+                triangles=self._wearer.triangles,
                 colour=SKIN_COLOUR,
                 side="front",
             )
-        if self.shows.colliders and self._surface is not None and len(self._surface.triangles):
+        if not self.shows.colliders or self._colliders is None:
+            return
+        if self._surface is None:
+            self._surface = ColliderSurface(self._colliders)
+        if len(self._surface.triangles):
             yield Drawn(
                 name="colliders",
                 vertices=self._surface.vertices(poses),
@@ -236,7 +219,7 @@ class Scene:
 
     def _measure(self, frame: Frame, poses: ColliderPoses | None) -> None:
         """Depth of the garments in the skin; less often where it takes long."""
-        if poses is None or self._skin is None or self._distance is None:
+        if poses is None or self._wearer is None or not self._wearer.measures:
             for worn in self._worn.values():
                 worn.depth[:] = 0.0
             return
@@ -244,11 +227,11 @@ class Scene:
         self.is_behind = began < self._not_before
         if self.is_behind:
             return
-        self._distance.refit(self._skin.vertices(poses))
+        self._wearer.pose(poses)
         for name, x in frame.positions.items():
             known = self._worn.get(name)
             if known is not None and len(x) == len(known.cloth.vertices):
-                known.depth = depth_of_triangles(self._distance, known.cloth.triangles, x)
+                known.depth = self._wearer.depth(x)[known.cloth.triangles].max(axis=1)
         now = time.monotonic()
         self._not_before = now + _REST * (now - began)
 

@@ -8,14 +8,19 @@ import numpy as np
 
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.errors import GarmentSimError
 from garment_sim_ros.stepping_back import SMALL, step_back
 from garment_sim_ros.view.controls import harmless
 from garment_sim_ros.view.frame import Frame, Source
+from garment_sim_ros.view.levels import PENETRATION
 from garment_sim_ros.view.page import Page
 from garment_sim_ros.view.panel import Panel
 from garment_sim_ros.view.scene import Scene
+from garment_sim_ros.view.wearer import Wearer
 
+_Wanted = tuple[tuple[str, str], ColliderSet, bool]
+"""A body and the file of its bones' names, its colliders, and whether depths are asked for."""
 _SLOW = 0.5
 """Between two times that the panel is brought up to date [s]."""
 
@@ -45,8 +50,10 @@ class Session:
         self.slowly: list[Callable[[], None]] = []
         self._frame: Frame | None = None
         self._centre = np.zeros(3)
-        self._loading: tuple[str, str] | None = None
-        self._loaded: tuple[Body | None, str] | None = None
+        self._wanted: _Wanted | None = None
+        self._made: tuple[Wearer | None, str] | None = None
+        self._body: tuple[tuple[str, str], Body] | None = None
+        self._loading = threading.Lock()
         self._watched = 0
         self._next_slow = 0.0
 
@@ -68,12 +75,12 @@ class Session:
         if frame is not None:
             self._frame = frame
         watched = len(self._page.server.get_clients())
+        self.scene.dress(self._source.cloths)
+        self.scene.set_colliders(self._source.colliders)
+        self._prepare()
         due = frame is not None or self.panel.changed or self.scene.is_behind
         due = due or watched > self._watched
         self._watched = watched
-        self._load_body()
-        self.scene.dress(self._source.cloths)
-        self.scene.set_colliders(self._source.colliders)
         # Nothing is worked out for nobody, but the first picture waits for whoever comes.
         if self._frame is not None and due and (watched or not self.frames):
             self.panel.changed = False
@@ -92,22 +99,34 @@ class Session:
             for call in self.slowly:
                 call()
 
-    def _load_body(self) -> None:
-        """Have the body loaded beside this thread, when another is known."""
-        known = self._source.body()
-        if known != self._loading and known is not None:
-            self._loading = known
-            threading.Thread(target=self._load, args=known, daemon=True).start()
-        if self._loaded is not None:
-            (body, why), self._loaded = self._loaded, None
-            self.scene.set_body(body, why)
+    def _prepare(self) -> None:
+        """Have the body made ready beside this thread, when another is known or more is asked."""
+        known, colliders = self._source.body(), self._source.colliders
+        if known is not None and colliders is not None:
+            wanted = (known, colliders, self.scene.shows.colours == PENETRATION.name)
+            if self._wanted is None or not _same(wanted, self._wanted):
+                self._wanted = wanted
+                threading.Thread(target=self._make, args=(wanted,), daemon=True).start()
+        if self._made is not None:
+            (wearer, why), self._made = self._made, None
+            self.scene.set_wearer(wearer, why)
             self.panel.changed = True
 
-    def _load(self, file: str, bone_names: str) -> None:
+    def _make(self, wanted: _Wanted) -> None:
         step_back(SMALL)
+        (file, bone_names), colliders, measures = wanted
         try:
-            loaded: tuple[Body | None, str] = load_body(file, bone_names=bone_names), ""
+            with self._loading:
+                if self._body is None or self._body[0] != wanted[0]:
+                    self._body = wanted[0], load_body(file, bone_names=bone_names)
+                body = self._body[1]
+            made: tuple[Wearer | None, str] = Wearer(colliders, body, measures=measures), ""
         except GarmentSimError as error:
-            loaded = None, str(error)
-        if self._loading == (file, bone_names):
-            self._loaded = loaded
+            made = None, str(error)
+        if self._wanted is wanted:
+            self._made = made
+
+
+def _same(a: _Wanted, b: _Wanted) -> bool:
+    """Whether what was made for `b` serves `a`."""
+    return a[0] == b[0] and a[1] is b[1] and a[2] <= b[2]

@@ -1,17 +1,20 @@
 """What the page shows, without a page: colours of known answers, both sides, frames of a bag."""
 
+import dataclasses
+
 import numpy as np
 import pytest
+import trimesh
 from unit.test_recording import FRAMES, REST, avatar, write  # noqa: F401
 
 from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.body.skin import Skin
 from garment_sim_ros.colliders.capsules.capsules import fit_capsules
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
-from garment_sim_ros.errors import InputFileError
+from garment_sim_ros.errors import GeometryError, InputFileError
 from garment_sim_ros.garment.colours import garment_colour
-from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.params import ColliderOptions
 from garment_sim_ros.recording.metrics import GarmentMesh
 from garment_sim_ros.view.collider_surface import ColliderSurface
@@ -21,13 +24,13 @@ from garment_sim_ros.view.levels import (
     LEVELS,
     STRAIN,
     colour,
-    depth_of_triangles,
     edges_of_triangles,
     part,
     strain_of_triangles,
 )
 from garment_sim_ros.view.playback import Playback
 from garment_sim_ros.view.scene import COLOURS, Scene
+from garment_sim_ros.view.wearer import Wearer
 
 # Two squares of two triangles side by side, in the plane.
 SHEET = np.array([[x, y, 0.0] for y in (0.0, 1.0) for x in (0.0, 1.0, 2.0)])
@@ -129,15 +132,35 @@ def test_layers_have_colours_of_their_own_and_grey_where_not_known():
     assert made.draw(frame(SHEET))[-1].colour == (128, 128, 128)
 
 
-def test_depth_in_a_box_is_the_distance_from_its_face():
+def box():
+    """A cube of 1 m with a frame at its middle, as a body, and the colliders of such a body."""
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
-    import trimesh
+    hull = trimesh.convex.convex_hull(corners)
+    body = load_body("mannequin:vertices=1200")
+    skin = Skin(
+        vertices=np.asarray(hull.vertices),
+        triangles=np.asarray(hull.faces, np.int32),
+        bone=np.zeros((8, 1), np.int32),
+        weight=np.ones((8, 1)),
+        T_bone_bind=np.linalg.inv(_rest(body)),
+    )
+    bone = body.rig.joint_names[0]
+    colliders = ColliderSet(colliders=(Collider(name="a", kind="frame", bone=bone),))
+    poses = ColliderPoses.identity(1)
+    poses.position[0] = _rest(body)[0, :3, 3]
+    return dataclasses.replace(body, skin=skin), colliders, poses
 
-    box = trimesh.convex.convex_hull(corners)
-    skin = MeshDistance(np.asarray(box.vertices), np.asarray(box.faces, np.int32))
+
+def test_depth_in_a_box_is_the_distance_from_its_face():
+    body, colliders, poses = box()
+    wearer = Wearer(colliders, body, measures=True)
     x = np.array([[0.5, 0.5, 0.98], [0.5, 0.4, 1.02], [0.4, 0.5, 1.01]], np.float32)
-    depth = depth_of_triangles(skin, np.array([[0, 1, 2], [1, 2, 1]]), x)
-    assert depth == pytest.approx([0.02, -0.01], abs=1e-6)
+    wearer.pose(poses)
+    assert wearer.depth(x) == pytest.approx([0.02, -0.02, -0.01], abs=1e-6)
+    poses.position[0, 2] += 0.5
+    wearer.pose(poses)
+    assert wearer.depth(x) == pytest.approx([0.48, 0.4, 0.4], abs=1e-6)
+    assert wearer.vertices(poses).max() == pytest.approx(1.5)
 
 
 @pytest.fixture(scope="module")
@@ -165,7 +188,7 @@ def test_the_skin_follows_the_colliders(body, posed):
     colliders, poses = posed
     made = scene()
     made.set_colliders(colliders)
-    made.set_body(body)
+    made.set_wearer(Wearer(colliders, body, measures=False))
     assert not made.skinless
     drawn = {d.name: d for d in made.draw(frame(SHEET, poses=poses))}
     expected = body.skin.vertices + ASIDE
@@ -177,7 +200,7 @@ def test_penetration_is_measured_against_the_posed_skin(body, posed):
     colliders, poses = posed
     made = scene("penetration")
     made.set_colliders(colliders)
-    made.set_body(body)
+    made.set_wearer(Wearer(colliders, body, measures=True))
     # In the middle of the trunk every vertex is deep; 5 m off none is.
     middle = body.skin.vertices.mean(axis=0) + ASIDE
     names = {d.name for d in made.draw(frame(middle + 1e-3 * SHEET, poses=poses))}
@@ -188,19 +211,30 @@ def test_penetration_is_measured_against_the_posed_skin(body, posed):
     assert f"sheet/level_{LEVELS - 1}" not in names
 
 
-def test_another_body_is_told_and_not_drawn(posed):
+def test_another_bodys_colliders_are_refused(body):
+    others = ColliderSet(colliders=(Collider(name="a", kind="frame", bone="tail"),))
+    with pytest.raises(GeometryError, match="no collider is fixed to a bone"):
+        Wearer(others, body, measures=False)
+
+
+def test_a_wearer_of_other_colliders_is_not_drawn(body, posed):
+    colliders, poses = posed
     made = scene()
-    made.set_colliders(ColliderSet(colliders=(Collider(name="a", kind="frame", bone="tail"),)))
-    made.set_body(load_body("mannequin:vertices=1200"))
-    assert "another body" in made.skinless
-    assert made.draw(frame(SHEET, poses=ColliderPoses.identity(1)))
+    made.set_colliders(colliders)
+    wearer = Wearer(colliders, body, measures=False)
+    made.set_wearer(wearer)
+    assert "body" in {d.name for d in made.draw(frame(SHEET, poses=poses))}
+    made.set_colliders(ColliderSet(colliders=colliders.colliders[:]))
+    assert "body" not in {d.name for d in made.draw(frame(SHEET, poses=poses))}
+    made.set_wearer(wearer)
+    assert "body" not in {d.name for d in made.draw(frame(SHEET, poses=poses))}
 
 
 def test_poses_and_points_that_do_not_fit_are_not_drawn(body, posed):
     colliders, _ = posed
     made = scene()
     made.set_colliders(colliders)
-    made.set_body(body)
+    made.set_wearer(Wearer(colliders, body, measures=True))
     drawn = made.draw(frame(SHEET[:4], poses=ColliderPoses.identity(3)))
     assert drawn == []
 
