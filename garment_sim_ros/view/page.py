@@ -1,6 +1,7 @@
 """The page: a server of `viser` on one port, and the meshes on it."""
 
 import contextlib
+import errno
 import io
 import logging
 import os
@@ -188,7 +189,7 @@ def _free(host: str, port: int) -> tuple[str, bool]:
                 "--port", f"{port} is not for users", "allowed: above 1023"
             ) from None
         except OSError as error:
-            if error.errno == 98:
+            if error.errno == errno.EADDRINUSE:
                 raise _taken(port) from None
             raise ParameterError(
                 "--host", f"found {host!r}", "allowed: a name or address of this machine"
