@@ -1,16 +1,17 @@
 """Late frames of the demo's cloth with and without a page that shows it, in turns.
 
-    python bench/view_cost.py
+    python bench/view_cost.py [BAG]
 
 The three nodes and the recorder run as `garment-sim demo` has them. A viewer is the command with a
 client that takes all that a browser would, without drawing it: where the browser is matters for
-its own processor alone. Also told: how long after the start of the command a recorded avatar's
-first picture is sent.
+its own processor alone. Also told, of a recorded avatar (BAG; alone, where it is given): how long
+after the start of the command the first picture is sent, and the processor time that one takes.
 """
 
 import argparse
 import json
 import os
+import signal
 import statistics
 import subprocess
 import sys
@@ -20,6 +21,7 @@ import time
 from pathlib import Path
 
 import msgspec
+import psutil
 import viser
 from websockets.sync.client import connect
 
@@ -65,6 +67,7 @@ class Viewer:
 
 def late(folder, seconds, rounds):
     """Share of late frames without and with a viewer, round by round."""
+    import rclpy
     from diagnostic_msgs.msg import DiagnosticArray
 
     from garment_sim_ros.ros.recorder import Recorder
@@ -80,17 +83,16 @@ def late(folder, seconds, rounds):
         nodes.start("cloth_node", {"rate": 60.0})
         nodes.start("collider_node", {})
         nodes.start("mocap_player", {})
-        with Recorder(folder / "bag") as recorder:
-            import rclpy
-
-            recorder._node.create_subscription(DiagnosticArray, "/diagnostics", take, 10)
+        with Recorder(folder / "bag"):
+            rclpy.init()
+            node = rclpy.create_node("view_cost")
+            node.create_subscription(DiagnosticArray, "/diagnostics", take, 10)
 
             def counts():
-                """Frames and late frames; the recorder's node is spun for this alone."""
-                rclpy.spin_once(recorder._node, executor=executor, timeout_sec=0.0)
+                """Frames and late frames as last told."""
+                rclpy.spin_once(node, timeout_sec=0.0)
                 return int(told.get("frames", 0)), int(told.get("late_frames", 0))
 
-            executor = rclpy.executors.SingleThreadedExecutor(context=recorder._context)
             while not counts()[0]:
                 nodes.check()
                 time.sleep(0.1)
@@ -112,7 +114,32 @@ def late(folder, seconds, rounds):
                         line += f", page at {rate:.1f} Hz, {viewer.bytes / 1e6:.0f} MB in all"
                         viewer.close()
                     print(line, flush=True)
+            rclpy.shutdown()
             return found
+
+
+def recorded(bag, seconds, rounds):
+    """First picture, and processor time of one, of a recording that plays."""
+    firsts, costs = [], []
+    for _ in range(rounds):
+        viewer = Viewer(str(bag))
+        while not viewer.first:
+            time.sleep(0.01)
+        firsts.append(viewer.first)
+        time.sleep(seconds)  # the body is made ready in this time
+        process = psutil.Process(viewer.process.pid)
+        before, windows = sum(process.cpu_times()[:2]), viewer.windows
+        time.sleep(seconds)
+        spent, windows = sum(process.cpu_times()[:2]) - before, viewer.windows - windows
+        costs.append(1e3 * spent / max(windows, 1))
+        print(
+            f"first after {firsts[-1]:.2f} s; {windows / seconds:.1f} Hz, {costs[-1]:.1f} ms each"
+        )
+        viewer.close()
+    print(
+        f"recorded, medians: first picture sent after {statistics.median(firsts):.2f} s, "
+        f"{statistics.median(costs):.1f} ms of a processor for each"
+    )
 
 
 def wait(seconds, counts):
@@ -128,23 +155,20 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=6.0, help="of a round (default: 6)")
     parser.add_argument("--rounds", type=int, default=3, help="default: 3")
+    parser.add_argument("bag", nargs="?", help="of demo or simulate")
     args = parser.parse_args()
+    # A polite end takes the nodes along.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if args.bag:
+        recorded(args.bag, args.seconds, args.rounds)
+        return
     os.environ.update(own_network())
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         found = late(folder, args.seconds, args.rounds)
         alone, viewed = (statistics.median(found[k]) for k in (False, True))
         print(f"late frames, medians: alone {alone:.2%}, viewed {viewed:.2%}")
-        firsts = []
-        for _ in range(args.rounds):
-            viewer = Viewer(str(folder / "bag"))
-            while not viewer.first:
-                time.sleep(0.01)
-            firsts.append(viewer.first)
-            viewer.close()
-        print(
-            f"first picture of a recording sent after {statistics.median(firsts):.2f} s (median)"
-        )
+        recorded(folder / "bag", args.seconds, args.rounds)
 
 
 if __name__ == "__main__":
