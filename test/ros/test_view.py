@@ -242,6 +242,7 @@ def test_what_is_not_there_is_told(source, until):
     assert source.body() is None
 
 
+@pytest.mark.slow
 def test_a_node_that_is_killed_and_started_again_is_shown_again(
     tmp_path, start_node, make_probe, until
 ):

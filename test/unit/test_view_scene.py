@@ -10,12 +10,11 @@ from unit.test_recording import FRAMES, REST, avatar, write  # noqa: F401
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Skin
 from garment_sim_ros.colliders.capsules.capsules import fit_capsules
-from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError, InputFileError
 from garment_sim_ros.garment.colours import garment_colour
-from garment_sim_ros.params import ColliderOptions
+from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from garment_sim_ros.recording.metrics import GarmentMesh
 from garment_sim_ros.view.collider_surface import ColliderSurface
 from garment_sim_ros.view.frame import Cloth, Frame
@@ -248,19 +247,42 @@ def test_colliders_are_where_their_poses_are(body, posed):
     assert surface.triangles.max() < len(x)
 
 
-def test_ellipsoids_that_change_with_the_pose_are_drawn_as_they_are(body):
-    colliders = fit_colliders(body, ColliderOptions(method="ellipsoids"))
-    poser = ColliderPoser(colliders, body)
-    rest = _rest(body)
-    surface = ColliderSurface(colliders)
-    x = surface.vertices(poser.poses(rest).copy())
-    low, high = body.skin.vertices.min(axis=0), body.skin.vertices.max(axis=0)
-    assert surface._changing
-    assert (x > low - 0.1).all()
-    assert (x < high + 0.1).all()
-    rest[:, 0, 3] += 3.0
-    moved = surface.vertices(poser.poses(rest).copy())
-    assert moved == pytest.approx(x + np.array([3.0, 0.0, 0.0], np.float32), abs=1e-3)
+def knee(points, share):
+    """Two bones, and the ellipsoid around skin that both share."""
+    geometry = {
+        "radii": [0.1, 0.06, 0.05],
+        "frames": [0, 1],
+        "points": [points.tolist(), points.tolist()],
+        "weights": [share.tolist(), (1.0 - share).tolist()],
+        "inflation": 0.003,
+    }
+    return ColliderSet(
+        colliders=(
+            Collider(name="thigh", kind="frame", bone="thigh"),
+            Collider(name="shin", kind="frame", bone="shin"),
+            Collider(name="knee", kind="ellipsoid", bone="thigh", geometry=geometry),
+        )
+    )
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.7, 2.0])
+def test_ellipsoids_that_change_with_the_pose_are_drawn_as_they_are(bend):
+    random = np.random.default_rng(5)
+    points = random.normal(size=(18, 3)) * [0.06, 0.03, 0.03]
+    share = random.uniform(0.1, 0.9, 18)
+    surface = ColliderSurface(knee(points, share))
+    poses = ColliderPoses.identity(3)
+    poses.position[:] = [0.3, -0.2, 1.0]
+    poses.orientation[1] = [0.0, np.sin(bend / 2), 0.0, np.cos(bend / 2)]
+    x = surface.vertices(poses).astype(np.float64)
+    turned = points @ matrix_from_quaternion(poses.orientation[1]).T
+    skin = poses.position[0] + share[:, None] * points + (1.0 - share)[:, None] * turned
+    # The drawn surface is round the skin that it is fitted to, and close to some of it.
+    drawn = trimesh.convex.convex_hull(x)
+    above = (skin[:, None] - drawn.triangles[:, 0]) * drawn.face_normals
+    outside = above.sum(axis=2).max(axis=1)
+    assert outside.max() < 0.004  # flat triangles cut off this much of the ellipsoid
+    assert outside.max() > -0.01
 
 
 def test_frames_of_a_bag(write):  # noqa: F811
