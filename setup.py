@@ -30,6 +30,7 @@ ROS = [
 TEST = ["hypothesis>=6.98", "networkx>=2.8", "psutil>=5.9", "pytest>=8", "pytest-xdist>=3.5"]
 CHECK = ["import-linter~=2.12", "mypy~=2.4.0", "ruff~=0.17.0"]  # their rules change with versions
 DOCS = ["pdoc~=16.0"]
+VIEW = ["viser~=1.1.1"]  # no rosdep key: optional, found at run time
 USD = ["usd-core>=24.8"]  # no rosdep key: optional, found at run time
 
 setup(
@@ -56,7 +57,8 @@ setup(
         "test": TEST,
         "docs": DOCS,
         "usd": USD,
-        "dev": TEST + CHECK + DOCS,
+        "view": VIEW,
+        "dev": TEST + CHECK + DOCS + VIEW,
     },
     entry_points={
         "console_scripts": [

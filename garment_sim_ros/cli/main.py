@@ -21,6 +21,7 @@ COMMANDS = {
     "simulate": "dress a clip or a recording without nodes, faster than real time",
     "stability": "drive the solvers to extremes and tell where they hold",
     "tradeoff": "measure speed against accuracy, setting by setting",
+    "view": "show a running or a recorded avatar on a page in the browser",
 }
 """Each is a module beside this one with `EXAMPLE`, `add_arguments(parser)`, and `run(args)`, which
 returns what `--json` prints. Only the one that is called is loaded."""

@@ -132,7 +132,72 @@ def read_recording(path: str | Path, *, most_frames: int = 300, dressed: bool = 
         return _read(reader, path, most_frames, dressed)
 
 
-def _read(reader: Bag, path: str | Path, most_frames: int, dressed: bool) -> Recording:
+@dataclass(frozen=True, kw_only=True)
+class Shown:
+    """What there is to see of an avatar over time.
+
+    Attributes:
+        stamp: Times of the frames that are kept [ns], increasing, shape [m].
+        garments: By name.
+        colliders: Colliders and their poses; None where the bag has none that can be used.
+        quality_stamp: Time of each message on `quality` [ns], shape [k].
+        quality: By garment and key, values at these times, NaN where one is missing, shape [k].
+    """
+
+    stamp: NDArray[np.int64]
+    garments: dict[str, GarmentTrack]
+    colliders: ColliderTrack | None
+    quality_stamp: NDArray[np.int64]
+    quality: dict[str, dict[str, FloatArray]]
+
+
+def read_shown(path: str | Path, *, most_frames: int, most_bytes: int) -> Shown:
+    """Read what there is to see in a bag of one avatar; joints need not be in it.
+
+    Args:
+        path: A rosbag2 folder.
+        most_frames: Positions are kept of at most so many frames, evenly spread.
+        most_bytes: Positions take no more memory than this, unless two frames do.
+
+    Raises:
+        InputFileError: Not a bag, or one without garments.
+    """
+    with opened_bag(path) as reader:
+        messages = _messages_of(reader, path)
+        stamp, garments = _garments(messages, path, (0, 2**63 - 1), most_frames, most_bytes)
+        try:
+            times, quality = _quality_over_time(messages)
+        except InputFileError:  # none was recorded
+            times, quality = np.zeros(0, np.int64), {}
+        return Shown(
+            stamp=stamp,
+            garments=garments,
+            colliders=_colliders(messages),
+            quality_stamp=times,
+            quality=quality,
+        )
+
+
+def _quality_over_time(
+    messages: _Messages,
+) -> tuple[NDArray[np.int64], dict[str, dict[str, FloatArray]]]:
+    stamps: list[int] = []
+    found: dict[tuple[str, str], dict[int, float]] = defaultdict(dict)
+    for _, _, message in messages("quality"):
+        for status in message.status:
+            for item in status.values:
+                with suppress(ValueError):
+                    found[status.name, item.key][len(stamps)] = float(item.value)
+        stamps.append(_nanoseconds(message))
+    quality: dict[str, dict[str, FloatArray]] = defaultdict(dict)
+    for (name, key), values in found.items():
+        column = quality[name][key] = np.full(len(stamps), np.nan)
+        column[list(values)] = list(values.values())
+    return np.array(stamps, np.int64), dict(quality)
+
+
+def _messages_of(reader: Bag, path: str | Path) -> _Messages:
+    """How messages of an opened bag are asked for by the endings of their topics."""
     types = get_typestore(Stores.ROS2_JAZZY)
 
     def messages(ending: str) -> Iterator[tuple[str, int, Any]]:
@@ -148,6 +213,11 @@ def _read(reader: Bag, path: str | Path, most_frames: int, dressed: bool) -> Rec
         if not found:
             raise InputFileError(path, f"no message on {ending}", "needed: an avatar's topics")
 
+    return messages
+
+
+def _read(reader: Bag, path: str | Path, most_frames: int, dressed: bool) -> Recording:
+    messages = _messages_of(reader, path)
     description = next(messages("robot_description"))[2].data
     names, joint_stamp, joint_values = _joints(
         message for _, _, message in messages("joint_states")
@@ -189,7 +259,11 @@ def _quality(messages: _Messages) -> dict[str, dict[str, FloatArray]]:
 
 
 def _garments(
-    messages: _Messages, path: str | Path, joints_known: tuple[int, int], most_frames: int
+    messages: _Messages,
+    path: str | Path,
+    joints_known: tuple[int, int],
+    most_frames: int,
+    most_bytes: int = 2**63,
 ) -> tuple[NDArray[np.int64], dict[str, GarmentTrack]]:
     """Times of the frames that are kept [ns], and the garments."""
     shapes = {
@@ -212,7 +286,9 @@ def _garments(
     first, last = joints_known
     common = sorted(t for t in set.intersection(*stamps.values()) if first <= t <= last)
     # A second pass rather than holding all positions: a long recording has too many.
-    kept = common[:: max(1, -(-len(common) // most_frames))]
+    size = sum(vertices.size for vertices, _ in shapes.values()) * np.float32().itemsize
+    most = min(most_frames, max(2, most_bytes // size))
+    kept = common[:: max(1, -(-len(common) // most))]
     place = {stamp: k for k, stamp in enumerate(kept)}
     positions = {
         name: np.zeros((len(kept), len(vertices), 3), np.float32)

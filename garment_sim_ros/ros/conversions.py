@@ -65,7 +65,7 @@ class StampedPoses:
     poses: ColliderPoses
 
 
-class _Cursor:
+class Cursor:
     """Reads numbers and text from the front of serialized bytes."""
 
     def __init__(self, data: bytes) -> None:
@@ -131,7 +131,7 @@ def text_from(data: bytes, longest: int = MAX_TEXT) -> str:
     Raises:
         MessageError: Malformed, or longer.
     """
-    return _Cursor(data).text(longest)
+    return Cursor(data).text(longest)
 
 
 def poses_from(data: bytes) -> StampedPoses:
@@ -141,7 +141,7 @@ def poses_from(data: bytes) -> StampedPoses:
         MessageError: Malformed, not finite, too far away, too many, or orientations that are not
             of unit length within 1 %.
     """
-    cursor = _Cursor(data)
+    cursor = Cursor(data)
     stamp, frame_id, count = cursor.stamp(), cursor.text(), cursor.count(56, MAX_POSES, "poses")
     table = cursor.doubles(7 * count).reshape(count, 7)
     _check_range(table, "poses")
@@ -173,7 +173,7 @@ class JointStates:
             MessageError: Malformed, as many positions as there are not names, not finite, or far
                 too large.
         """
-        cursor = _Cursor(data)
+        cursor = Cursor(data)
         stamp = cursor.stamp()
         cursor.text()
         start = cursor.take(0, 4)

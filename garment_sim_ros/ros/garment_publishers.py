@@ -109,6 +109,7 @@ class GarmentQuality:
             "held": health.held,
             "let_go": health.let_go,
             "tangled": health.tangled,
+            "layer": self._simulation.layer(self._name),
         }
         well = health.resets == 0 and health.recovered == 0
         return status(self._name, values.items(), well=well)

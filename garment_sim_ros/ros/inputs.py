@@ -8,7 +8,7 @@ that is flooded still does its work.
 import time
 from collections.abc import Callable, Sequence
 
-from rclpy.lifecycle import LifecycleNode
+from rclpy.node import Node
 
 from garment_sim_ros.errors import GarmentSimError, MessageError
 from garment_sim_ros.ros.interfaces import subscribe
@@ -43,7 +43,7 @@ class Input:
 
     def __init__(
         self,
-        node: LifecycleNode,
+        node: Node,
         topic: Topic,
         take: Callable[[Taken], object],
         *,
@@ -142,7 +142,7 @@ class Inputs:
         inputs: The inputs.
     """
 
-    def __init__(self, node: LifecycleNode, inputs: Sequence[Input]) -> None:
+    def __init__(self, node: Node, inputs: Sequence[Input]) -> None:
         self._inputs = inputs
         self._waiter = Waiter(node.context, [i.subscription for i in inputs])
 

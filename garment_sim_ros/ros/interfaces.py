@@ -5,6 +5,7 @@ Profiles can be overridden by the ROS parameters
 """
 
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
+from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSPolicyKind
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -48,7 +49,7 @@ def advertise_always(node: LifecycleNode, topic: Topic, garment: str = "") -> Pu
     )
 
 
-def subscribe(node: LifecycleNode, topic: Topic, *, depth: int, keep_all: bool) -> Subscription:
+def subscribe(node: Node, topic: Topic, *, depth: int, keep_all: bool) -> Subscription:
     """A subscription whose serialized messages are asked for; see `inputs`.
 
     Bytes rather than messages: a damaged one must not end the node, as it does where `rclpy`
