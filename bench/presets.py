@@ -9,8 +9,9 @@ where it is there ($GARMENT_SIM_DATA), else the walk at twice the speed. Cost is
 a frame of one thread, all contacts included, its median; all presets take turns, so that their
 ratios hold on a busy machine. A ratio is that of the cost of a second.
 Stretch of mesh edges and `inside` are taken 10 times a second after the first half second;
-`pierced` is the share of all frames. Skin follows the bones as the preset says. Each ``--set`` is measured beside the presets, as balanced
-but for what it says. ``--write`` puts the figures into the heads of the presets' files.
+`pierced` is the share of all frames. Skin follows the bones as the preset says. Each ``--set`` is
+measured beside the presets, as balanced but for what it says. ``--write`` puts the figures into
+the heads of the presets' files.
 """
 
 import argparse
@@ -25,6 +26,7 @@ from typing import Any
 import numpy as np
 
 import garment_sim_ros as gs
+from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.contact.pierced import PiercedMeter
 from garment_sim_ros.declaration import validated
 from garment_sim_ros.params import PRESETS, ClothNodeParameters, ColliderOptions, Environment
@@ -63,28 +65,36 @@ def clips(given: list[str]) -> list[Clip]:
 
 @cache
 def dressed(
-    body: str, options: ColliderOptions, attachments: str, skinning: str
+    body: str, outfit: str, options: ColliderOptions, attachments: str, skinning: str
 ) -> tuple[gs.Avatar, gs.Outfit]:
     """The mannequin with colliders, and its outfit."""
     avatar = gs.Avatar.load(body, **vars(options))
     wearer = replace(avatar.body, skinning=skinning)
     avatar = gs.Avatar(wearer, avatar.colliders, attachments=attachments)
-    return avatar, avatar.dress(OUTFIT)
+    return avatar, avatar.dress(outfit)
 
 
 class Wearer:
-    """One preset on its own colliders, worn through a clip."""
+    """One preset on its own colliders, worn through a clip, or at rest where there is none."""
 
-    def __init__(self, choice: Choice, clip: Clip, seconds: float, body: str) -> None:
+    def __init__(
+        self, choice: Choice, clip: Clip | None, seconds: float, body: str, outfit: str = OUTFIT
+    ) -> None:
         options = validated(ColliderOptions, choice.values("collider_node", ColliderOptions))
         node = validated(ClothNodeParameters, choice.values("cloth_node", ClothNodeParameters))
         self.frame_time = 1.0 / node.rate
-        self.avatar, outfit = dressed(body, options, node.attachments, node.skinning)
-        self.joints = list(
-            self.avatar.joints(clip.source, node.rate / clip.speed, seconds=seconds * clip.speed)
-        )
+        self.avatar, worn = dressed(body, outfit, options, node.attachments, node.skinning)
+        if clip is None:
+            rest = rest_transforms(self.avatar.body.rig)
+            self.joints = [rest] * (round(seconds * node.rate) + 1)
+        else:
+            self.joints = list(
+                self.avatar.joints(
+                    clip.source, node.rate / clip.speed, seconds=seconds * clip.speed
+                )
+            )
         colliders = self.avatar.colliders
-        garments = outfit.garments
+        garments = worn.garments
         group = SOLVERS[choice.solver].settings
         self.simulation = Simulation(
             garments,
