@@ -75,12 +75,12 @@ def told(name: str, wearer: Wearer, seconds: float) -> None:
     """Plays a scene and prints what came of it."""
     wearer.until(seconds)
     f = wearer.figures()
-    depth = wearer.meter.result()
+    depth = wearer.meter.result()["penetration_mm_p99"]
     print(
         f"{name}: {1e3 / f['ms']:.0f} frames/s of {wearer.frame_time:.3g} s ({f['ms']:.2f} ms); "
-        f"stretch p95 {100 * f['strain_p95']:.0f} %, largest {100 * f['strain_max']:.0f} %; pierced "
-        f"{100 * f['pierced']:.0f} %, inside p99 {100 * f['inside_p99']:.1f} %; penetration p99 "
-        f"{depth['penetration_mm_p99']:.1f} mm; resets {f['resets']}",
+        f"stretch p95 {100 * f['strain_p95']:.0f} %, largest {100 * f['strain_max']:.0f} %; "
+        f"pierced {100 * f['pierced']:.0f} %, inside p99 {100 * f['inside_p99']:.1f} %; "
+        f"penetration p99 {depth:.1f} mm; resets {f['resets']}",
         flush=True,
     )
 
