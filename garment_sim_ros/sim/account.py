@@ -26,13 +26,23 @@ def account(simulation: Simulation) -> dict[str, Any]:
     shapes = ", ".join(f"{kinds.count(kind)} {kind}" for kind in sorted(set(kinds)))
     layers = sorted({simulation.layer(name) for name in simulation.names})
     friction = any(simulation.model(name).material.friction > 0.0 for name in simulation.names)
+    settings = simulation.parameters.settings
+    contact, response = (getattr(settings, k, "") for k in ("contact", "response"))
+    printed = contact == "rays" or (contact == "earliest" and response != "surface")
+    extras = getattr(settings, "extras", True)
     inertia = environment.root_linear_inertia, environment.root_angular_inertia
     effects = {
         "stretch, shear and bending": "always",
         "gravity": _unless(any(environment.gravity), "gravity is 0"),
         f"contact on {shapes} colliders": _unless(bool(kinds), "there are no shapes"),
-        "friction": _unless(friction, "no material has any"),
-        "contact between layers": _unless(len(layers) > 1, "all garments are in one layer"),
+        "friction": _unless(
+            friction and not printed,
+            "this contact has none" if printed else "no material has any",
+        ),
+        "contact between layers": _unless(
+            len(layers) > 1 and extras,
+            "all garments are in one layer" if extras else "extras is false",
+        ),
         **{
             limit.effect: _unless(
                 any(key in simulation.skin_limits(name) for name in simulation.names),
