@@ -29,7 +29,7 @@ from garment_sim_ros.mocap.clip_poses import retargeter
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import ClipSampler
 from garment_sim_ros.params import ColliderOptions, Material, declarations, validated
-from garment_sim_ros.presets import collider_options
+from garment_sim_ros.presets import collider_options, worn_with
 
 _MESHES = (".obj", ".ply", ".glb", ".gltf")
 _OF_NAMES = re.compile(r"[^a-z0-9_]+")
@@ -41,18 +41,21 @@ class Avatar:
     Args:
         body: Rig and skin.
         colliders: Shapes on its bones.
+        attachments: What holds garments of which nothing is said, see `dressing.dressed`.
 
     Attributes:
         body: As given.
         colliders: As given.
+        attachments: As given.
 
     Raises:
         GeometryError: A collider's bone is not a joint of the body's rig.
     """
 
-    def __init__(self, body: Body, colliders: ColliderSet) -> None:
+    def __init__(self, body: Body, colliders: ColliderSet, *, attachments: str = "auto") -> None:
         self.body = body
         self.colliders = colliders
+        self.attachments = attachments
         self._poser = ColliderPoser(colliders, body)
         self._skinner: Skinner | None = None
 
@@ -76,7 +79,8 @@ class Avatar:
             bone_names: Humanoid bone to joint name, where names of joints do not tell.
             cache: Whether to keep the fit, beside the body's file or in the user's cache folder,
                 and to use one that was kept.
-            preset: Name of a preset, see `presets`, for what `options` do not say.
+            preset: Name of a preset, see `presets`, for what `options` do not say, and for what
+                holds garments and how the skin follows its bones.
             options: How to fit, see `params.ColliderOptions`, as ``method="capsules"``.
 
         Raises:
@@ -85,13 +89,14 @@ class Avatar:
             ParameterError: An unknown option or preset, or a value that is not allowed.
         """
         how = validated(ColliderOptions, {**collider_options(preset), **options})
+        attachments, skinning = worn_with(preset)
         body = load_body(source, humanoid_overrides=bone_names)
-        if isinstance(colliders, ColliderSet):
-            return cls(body, colliders)
-        if colliders is not None:
-            return cls(body, load_colliders(colliders))
-        fitted = cached_fit(body, how, source) if cache else fit_colliders(body, how)
-        return cls(body, fitted)
+        body = dataclasses.replace(body, skinning=skinning)
+        if colliders is None:
+            colliders = cached_fit(body, how, source) if cache else fit_colliders(body, how)
+        elif not isinstance(colliders, ColliderSet):
+            colliders = load_colliders(colliders)
+        return cls(body, colliders, attachments=attachments)
 
     def dress(
         self,
@@ -133,10 +138,15 @@ class Avatar:
         if isinstance(wear, Outfit):
             return wear
         if isinstance(wear, Mapping):
-            return make_outfit(outfit_from(wear), self.body, colliders=self.colliders)
+            return make_outfit(outfit_from(wear), self.body, **self._ways)
         from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT
 
-        return load_outfit(wear or DEFAULT_OUTFIT, self.body, colliders=self.colliders)
+        return load_outfit(wear or DEFAULT_OUTFIT, self.body, **self._ways)
+
+    @property
+    def _ways(self) -> dict[str, Any]:
+        """How garments are put on: what they lie on and what holds them."""
+        return {"colliders": self.colliders, "attachments": self.attachments}
 
     def _dress_in_pattern(self, source: str | Path, options: Mapping[str, Any]) -> Outfit:
         """One garment sewn from a pattern file; `edge_length` is an option of it."""
@@ -169,7 +179,7 @@ class Avatar:
         return make_outfit(
             outfit_from({"version": 1, "garments": [entry]}),
             self.body,
-            colliders=self.colliders,
+            **self._ways,
             meshes={entry["name"]: wear},
         )
 
@@ -186,7 +196,7 @@ class Avatar:
     def skin(self, T_world_joint: FloatArray | None = None) -> FloatArray:
         """World positions of the skin's vertices [m], shape [v, 3]; arguments as for `poses`."""
         if self._skinner is None:
-            self._skinner = Skinner(self.body.skin)
+            self._skinner = Skinner.of(self.body)
         T = rest_transforms(self.body.rig) if T_world_joint is None else T_world_joint
         return self._skinner.vertices(T).copy()
 

@@ -56,6 +56,14 @@ class HullSettings:
         choices=("quadric", "volume"),
         needs=_ON_HULLS,
     )
+    deletion: str = parameter(
+        "any",
+        "What is deleted to simplify a hull. any: triangles and edges, in turns with better "
+        "places for what is left; triangles: whole triangles, the cheapest first, and nothing "
+        "else, as in the paper.",
+        choices=("any", "triangles"),
+        needs=_ON_HULLS,
+    )
     inflation: str = parameter(
         "vertices",
         "Inflation by delta. vertices: moves the vertices, as in the paper; planes: moves the "
@@ -85,6 +93,14 @@ class HullSettings:
         "bends; none.",
         choices=("auto", "spheres", "none"),
         needs=_ON_HULLS_AND_GRIDS,
+    )
+    flexible: float = parameter(
+        0.001,
+        "Weight of the lesser side from which on skin bends with a joint and has to be in its "
+        "sphere.",
+        minimum=0.001,
+        maximum=0.49,
+        needs=(needs("method", HULLS), needs("joints", "spheres")),
     )
 
 
@@ -149,6 +165,26 @@ class EllipsoidSettings:
         "surface alone; auto: rig where it has the joints, else surface; table1: by the paper's "
         "constants; none: one region.",
         choices=("auto", "rig", "surface", "table1", "none"),
+        needs=_ON_ELLIPSOIDS,
+    )
+    sex: str = parameter(
+        "female",
+        "Column of the paper's table.",
+        choices=("female", "male"),
+        needs=(*_ON_ELLIPSOIDS, needs("segmentation", "table1")),
+    )
+    paths: str = parameter(
+        "unfolded",
+        "Geodesic distances that divide the body. unfolded: also straight across pairs of "
+        "triangles; edges: along edges only, as in the paper.",
+        choices=("unfolded", "edges"),
+        needs=(*_ON_ELLIPSOIDS, needs("segmentation", "auto", "rig", "surface", "table1")),
+    )
+    cover: str = parameter(
+        "triangles",
+        "What is inside the ellipsoids. triangles: the whole skin; vertices: its vertices, as in "
+        "the paper, which leaves skin outside where ellipsoids meet.",
+        choices=("triangles", "vertices"),
         needs=_ON_ELLIPSOIDS,
     )
     refit: bool = parameter(

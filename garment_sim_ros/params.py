@@ -14,7 +14,7 @@ from garment_sim_ros.declaration import validated as validated
 from garment_sim_ros.solver_params import ImplicitSettings as ImplicitSettings
 from garment_sim_ros.solver_params import XpbdSettings as XpbdSettings
 
-PRESETS = ("fast", "balanced", "accurate")
+PRESETS = ("fast", "balanced", "accurate", "sun2007", "gong2018")
 """Names of sets of parameters; each has a file in ``config/presets``, see `presets`."""
 
 
@@ -151,8 +151,11 @@ class RelaxationSettings:
     contact: str = parameter(
         "union",
         "Contact method. union: particles are moved out of the union of all shapes; earliest: "
-        "each particle stops at its earliest hit (ellipsoids and spheres only).",
-        choices=("union", "earliest"),
+        "each particle stops at its earliest hit (ellipsoids and spheres only), as in the second "
+        "paper; rays: shape after shape, each particle inside goes to the surface along the ray "
+        "from the inner origin or centre, and nothing else, as both papers begin (hulls, spheres "
+        "and ellipsoids only).",
+        choices=("union", "earliest", "rays"),
     )
     response: str = parameter(
         "surface",
@@ -167,6 +170,11 @@ class RelaxationSettings:
         minimum=0.0,
         maximum=1.0,
         needs=(needs("contact", "earliest"), needs("response", "surface")),
+    )
+    extras: bool = parameter(
+        True,
+        "What the papers do not have: garments that are worn over each other are kept apart, and "
+        "those that limbs stay in are wound back.",
     )
 
 
@@ -284,6 +292,20 @@ class ClothNodeParameters:
         "", "YAML file that maps humanoid bones to joints of the body; empty: recognised by name."
     )
     outfit: str = parameter("", "Outfit file; empty: a T-shirt and a short skirt.")
+    attachments: str = parameter(
+        "auto",
+        "What holds garments for which the outfit says auto or nothing. auto: a few points on the "
+        "shoulders and a distance limit, or the waist; arms: points on shoulders and upper arms "
+        "and no distance limit, or the waist, as in the first paper.",
+        choices=("auto", "arms"),
+    )
+    skinning: str = parameter(
+        "linear",
+        "How the skin that garments are measured against follows the bones. linear: mean of the "
+        "matrices; dual_quaternion; bone_blend: rotations are blended about the joint, as in the "
+        "first paper.",
+        choices=("linear", "dual_quaternion", "bone_blend"),
+    )
     rate: float = parameter(
         60.0,
         "Frames per second.",

@@ -26,8 +26,8 @@ _FOLDER = Path("config") / "presets"
 _SHARE = Path("share") / "garment_sim_ros"
 _LARGEST = 2**16
 _USUAL_SOLVER = declarations(ClothNodeParameters)["solver"].default
-_OF_A_SOLVER = "solver_step"
-"""Belongs to the solver, too: what one of them is fast with, another cannot be run with."""
+_OF_A_SOLVER = ("solver", "solver_step", "rate")
+"""Belong to the solver, too: what one of them is fast with, another cannot be run with."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,13 +75,23 @@ def preset_values(name: str, node: str, *, solver: str = "") -> dict[str, Any]:
     if not solver or solver == values.get("solver", _USUAL_SOLVER):
         return values
     known = {k for s in NODES[node].sections if not s.solver for k in declarations(s.group)}
-    return {k: v for k, v in values.items() if k in known and k not in ("solver", _OF_A_SOLVER)}
+    return {k: v for k, v in values.items() if k in known and k not in _OF_A_SOLVER}
 
 
 def collider_options(name: str | None) -> dict[str, Any]:
     """How a preset has colliders fitted; nothing where it is None."""
     values = preset_values(name, "collider_node") if name is not None else {}
     return {k: v for k, v in values.items() if k in declarations(ColliderOptions)}
+
+
+def worn_with(name: str | None) -> tuple[str, str]:
+    """What holds garments and how the skin follows its bones, with a preset or with none."""
+    values = preset_values(name, "cloth_node") if name is not None else {}
+    usual = declarations(ClothNodeParameters)
+    attachments, skinning = (
+        str(values.get(k, usual[k].default)) for k in ("attachments", "skinning")
+    )
+    return attachments, skinning
 
 
 def usual_colliders(name: str | None) -> ColliderOptions:

@@ -63,6 +63,7 @@ class Body:
         skin: The surface in bind pose (normally equal to the rest pose).
         humanoid: Joint name of each humanoid bone that the rig has (keys: `HUMANOID_BONES`).
         notes: What a loader assumed or repaired, one sentence each.
+        skinning: How the skin follows the bones, one of `skinning.METHODS`.
     """
 
     name: str
@@ -70,6 +71,7 @@ class Body:
     skin: Skin
     humanoid: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    skinning: str = "linear"
 
 
 _SIDED = ("Shoulder", "UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot", "Toes")

@@ -21,7 +21,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from garment_sim_ros.arrays import FloatArray, IntArray
-from garment_sim_ros.body.skin import Skin
+from garment_sim_ros.body.skin import Body, Skin
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.geometry.transforms import invert_transform, rotate, unit_quaternion
@@ -56,6 +56,11 @@ class Skinner:
         self._bend = np.zeros((len(skin.T_bone_bind), 7))
         self.x_world = np.zeros_like(skin.vertices)
         self._normal = np.zeros_like(skin.vertices)
+
+    @classmethod
+    def of(cls, body: Body) -> "Skinner":
+        """Of a body, in the way that it says."""
+        return cls(body.skin, body.skinning, body.rig.parent)
 
     def vertices(self, T_world_bone: FloatArray) -> FloatArray:
         """Positions of all skin vertices.

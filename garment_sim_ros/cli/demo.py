@@ -13,6 +13,8 @@ from garment_sim_ros.cli.preset_options import add_preset_options, choice_of
 from garment_sim_ros.cli.progress import Waiting, progress
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.errors import GarmentSimError, InputFileError, ParameterError
+from garment_sim_ros.params import ClothNodeParameters
+from garment_sim_ros.presets import Choice
 
 EXAMPLE = "garment-sim demo --body avatar.glb --clip dance.bvh --out out/dance"
 
@@ -59,6 +61,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             frame_rate=nodes["cloth_node"]["rate"],
             pictures=stage,
             bone_names=args.body_bone_names,
+            **_worn_with(args),
             progress=progress,
         )
         summary["first_cloth_s"] = round(first_cloth, 2)
@@ -80,7 +83,7 @@ def _parameters(args: argparse.Namespace) -> dict[str, dict[str, Any]]:
     choice = choice_of(args)
     worn = {"body": args.body, "outfit": args.outfit, "body_bone_names": args.body_bone_names}
     nodes = {
-        "cloth_node": {**worn, "rate": RATE},
+        "cloth_node": {**worn, "rate": _said(choice).get("rate", RATE)},
         "collider_node": {**worn, "bone_names": args.bone_names},
         "mocap_player": {"clip": args.clip, "bone_names": args.bone_names, "loop": True},
     }
@@ -92,6 +95,17 @@ def _parameters(args: argparse.Namespace) -> dict[str, dict[str, Any]]:
                     f"--set {node}.{name}", "has an option of its own", f"allowed: {option}"
                 )
     return {node: {**own, **choice.given(node)} for node, own in nodes.items()}
+
+
+def _said(choice: Choice) -> dict[str, Any]:
+    """What preset and `--set` say of `cloth_node`."""
+    return choice.values("cloth_node", ClothNodeParameters)
+
+
+def _worn_with(args: argparse.Namespace) -> dict[str, Any]:
+    """What holds the garments and how the skin follows its bones, where it is said."""
+    said = _said(choice_of(args))
+    return {name: said[name] for name in ("attachments", "skinning") if name in said}
 
 
 def _record(

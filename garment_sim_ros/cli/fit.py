@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         print(f"note: {line}")
     fit = fitted(body, options)
     colliders = fit.colliders
-    for note in (*fit.notes, *(f"assumed: {note}" for note in body.notes)):
+    for note in (*fit.missed, *fit.notes, *(f"assumed: {note}" for note in body.notes)):
         print(note)
     told = fit.report()
     report = {**fit_report(body, colliders), "assumed": list(body.notes)}

@@ -42,9 +42,11 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         print(missing)
     usual = validated(ColliderOptions, choice.values("collider_node", ColliderOptions))
     colliders = fit_colliders(body, read_outfit(args.outfit).colliders_on(usual))
-    outfit = load_outfit(args.outfit, body, colliders=colliders)
     group = SOLVERS[choice.solver].settings
     node = choice.values("cloth_node", ClothNodeParameters)
+    outfit = load_outfit(
+        *(args.outfit, body), colliders=colliders, attachments=node.get("attachments", "auto")
+    )
     told = account(
         Simulation(
             outfit.garments,

@@ -19,7 +19,7 @@ import numpy as np
 
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.description import MAX_TEXT, from_json, to_json
-from garment_sim_ros.colliders.fitting import fit_colliders
+from garment_sim_ros.colliders.fitting import fitted
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.disk_cache import code_digest, keep_newest, replace_file, user_cache
 from garment_sim_ros.errors import InputFileError, MessageError
@@ -63,7 +63,10 @@ def cached_fit(
     for folder in folders:
         if (found := _read(folder / name, key, log)) is not None:
             return found
-    colliders = fit_colliders(body, options)
+    fit = fitted(body, options)
+    colliders = fit.colliders
+    for line in fit.missed:
+        log(line)
     for folder in folders:
         try:
             _write(folder, name, kept_text(key, colliders))

@@ -30,11 +30,13 @@ class Fit:
     Attributes:
         colliders: Shapes, and one frame per major bone.
         notes: What people should know, one line each.
+        missed: What was asked for and is not so, one line each.
         report: Makes the method's own figures; ``shapes`` among them are by collider.
     """
 
     colliders: ColliderSet
     notes: tuple[str, ...] = ()
+    missed: tuple[str, ...] = ()
     report: Callable[[], dict[str, Any]] = dict
 
 
@@ -129,9 +131,18 @@ def _ellipsoids(body: Body, options: ColliderOptions) -> Fit:
         body, options, delta=options.delta, thickness=options.thickness
     )
     assumed = report.get("segmentation", {}).get("assumed", ())
+    missed = []
+    if over := report["over_mu"]:
+        count = report["ellipsoids"]
+        why = "max_ellipsoids" if count >= options.max_ellipsoids else "too few points to split"
+        missed.append(
+            f"{over} of {count} ellipsoids are over their threshold mu, by up to "
+            f"{report['over_mu_mm_max']:.1f} mm: {why}"
+        )
     return Fit(
         colliders=colliders,
         notes=tuple(f"assumed: {note}" for note in assumed),
+        missed=tuple(missed),
         report=lambda: {"ellipsoid_fit": report},
     )
 

@@ -71,8 +71,17 @@ class Joint:
     below: frozenset[int]
 
 
-def joints(body: Body, regions: Regions, skin: MeshDistance) -> list[Joint]:
-    """All joints about which skin bends."""
+def joints(
+    body: Body, regions: Regions, skin: MeshDistance, flexible: float = 0.001
+) -> list[Joint]:
+    """All joints about which skin bends.
+
+    Args:
+        body: Rig and skin.
+        regions: Its regions.
+        skin: The skin in the bind pose.
+        flexible: Weight of the lesser side of a joint from which on skin bends with it.
+    """
     bone_of = {joint: bone for bone, joint in body.humanoid.items()}
     normal = skin_normals(body.skin)
     found = []
@@ -84,7 +93,7 @@ def joints(body: Body, regions: Regions, skin: MeshDistance) -> list[Joint]:
             if int(regions.parent[k]) in below:
                 below.add(k)
         weight = regions.weight[:, sorted(below)].sum(axis=1)
-        bends = np.flatnonzero((weight > 0.001) & (weight < 0.999))
+        bends = np.flatnonzero((weight > flexible) & (weight < 1.0 - flexible))
         own = body.skin.vertices[regions.owner == m]
         if len(bends) == 0 or len(own) == 0:
             continue
@@ -143,10 +152,12 @@ def turned_skin(joint: Joint) -> FloatArray:
     return posed
 
 
-def needed_radius(posed: FloatArray, height: FloatArray) -> float:
-    """Radius of the sphere about the joint that contains all skin out of the hulls [m]."""
-    outside = height > 0.0
-    return float(np.linalg.norm(posed[outside], axis=1).max()) if outside.any() else 0.0
+def holding_radius(joint: Joint) -> float:
+    """Radius of the sphere about the joint that contains all skin that bends with it [m].
+
+    Turned about the joint it stays as far away, blended linearly it only comes nearer.
+    """
+    return float(np.linalg.norm(joint.points - joint.centre, axis=1).max())
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ class SkinFromPoses:
         )
         T_carrying_joint = invert_transform(rest[found]) @ rest
         self._T_collider_joint = invert_transform(T_bone_collider) @ T_carrying_joint
-        self._skinner = Skinner(body.skin)
+        self._skinner = Skinner.of(body)
 
     def joints(self, poses: ColliderPoses) -> FloatArray:
         """World transforms of the rig's joints, shape [n, 4, 4]."""

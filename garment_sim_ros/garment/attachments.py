@@ -21,6 +21,8 @@ FRAMES_PER_VERTEX = 4
 _SMOOTHING_LENGTH = 0.06  # weights are blended over this distance on a person of 1.65 m [m]
 _MOST_ROUNDS = 10_000
 _TAIL = 6.5  # standard deviations of the walk beyond which nothing is left in float64
+_SLEEVE = 0.45  # of the upper arm's length: what is farther from its bone is no sleeve
+_SLEEVE_PINS = 0.35  # place along the upper arm
 _SHOULDER_PINS = (0.3, 0.55, 0.8)  # places from the neck's side to the shoulder joint
 
 
@@ -159,6 +161,69 @@ def shoulder_pins(measures: Measures, mesh: GarmentMesh) -> IntArray:
                 raise GeometryError("the garment does not lie on the shoulders")
             pins.append(free[np.argmin(apart)])
     return np.sort(pins).astype(np.int32)
+
+
+def lifted_shoulder_pins(measures: Measures, mesh: GarmentMesh, cut: GarmentMesh) -> IntArray:
+    """`shoulder_pins` of a garment that colliders may have lifted off the shoulders since its cut.
+
+    Args:
+        measures: The body in the pose of the garment.
+        mesh: The garment over its colliders.
+        cut: The garment as it was cut to the skin.
+
+    Raises:
+        GeometryError: It was not cut to lie on the shoulders.
+    """
+    try:
+        return shoulder_pins(measures, mesh)
+    except GeometryError:
+        return shoulder_pins(measures, cut)
+
+
+def arm_pins(
+    measures: Measures, mesh: GarmentMesh, cut: GarmentMesh, binding: Binding
+) -> dict[str, IntArray]:
+    """Vertices at both shoulders and, where there are sleeves, at both upper arms, by bone.
+
+    As Sun et al. 2007, Fig. 7 b. Arguments and errors as those of `lifted_shoulder_pins`.
+    """
+    shoulders = lifted_shoulder_pins(measures, mesh, cut)
+    pins = {binding.frames[binding.heaviest(shoulders)]: shoulders}
+    for side in ("left", "right"):
+        sleeve = np.setdiff1d(sleeve_pins(measures, cut, side), shoulders)
+        if sleeve.size:
+            pins[f"{side}UpperArm"] = sleeve
+    return pins
+
+
+def sleeve_pins(measures: Measures, mesh: GarmentMesh, side: str) -> IntArray:
+    """A few vertices of a sleeve, before, over and behind the upper arm; none without a sleeve.
+
+    Args:
+        measures: The body in the pose of the garment.
+        mesh: The garment as cut.
+        side: "left" or "right".
+    """
+    start, end = measures.joint(f"{side}UpperArm"), measures.joint(f"{side}LowerArm")
+    along = end - start
+    length = float(np.linalg.norm(along))
+    along = along / length
+    way = (mesh.vertices - start) @ along
+    away = np.linalg.norm(mesh.vertices - start - way[:, None] * along, axis=1)
+    near = np.flatnonzero((way > 0.0) & (way < length) & (away < _SLEEVE * length))
+    if not near.size:
+        return near.astype(np.int32)
+    place = start + min(_SLEEVE_PINS * length, 0.5 * float(way[near].max())) * along
+    forward = np.array([1.0, 0.0, 0.0])
+    forward -= (forward @ along) * along
+    up = np.array([0.0, 0.0, 1.0])
+    up -= (up @ along) * along
+    radius = float(np.median(away[near]))
+    pins = set()
+    for out in (forward, up, -forward):
+        target = place + radius * out / max(float(np.linalg.norm(out)), 1e-12)
+        pins.add(int(near[np.argmin(np.linalg.norm(mesh.vertices[near] - target, axis=1))]))
+    return np.array(sorted(pins), np.int32)
 
 
 def _barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:

@@ -9,7 +9,13 @@ from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.garment.attachments import Binding, bind, shoulder_pins, waist_pins
+from garment_sim_ros.garment.attachments import (
+    Binding,
+    arm_pins,
+    bind,
+    lifted_shoulder_pins,
+    waist_pins,
+)
 from garment_sim_ros.garment.garment import Garment, without_bones
 from garment_sim_ros.garment.letting_out import let_out
 from garment_sim_ros.garment.measures import Measures
@@ -20,6 +26,7 @@ from garment_sim_ros.params import Material
 from garment_sim_ros.sim.placement import SoftAttachments
 
 AUTOMATIC = "auto"
+ARMS = "arms"
 NONE = "none"
 
 _OFF_THE_BODY = 0.3  # median distance to the skin from which a garment is not on it [m]
@@ -95,7 +102,7 @@ def dressed(
         measures: The body, in the pose that the garment was made for.
         material: Its fabric.
         attachments: "auto" (shoulders where it reaches them, else its highest open edge),
-            "none", or a list.
+            "arms" (shoulders and upper arms, and no distance limit of its own), "none", or a list.
         colliders: Where given, the garment is let out to fit over them.
         holds: What holds it beside its pins; the defaults where None.
 
@@ -111,9 +118,14 @@ def dressed(
     mesh, notes = _put_outside(name, mesh, measures, covered)
     binding = bind(measures, mesh, covered)
     passed_by = _passed_by(measures, binding, upper)
+    cut = mesh
     mesh = _over_colliders(name, mesh, measures, covered, material, colliders, passed_by)
+    limited = upper and attachments != ARMS
+    if upper and attachments == ARMS:
+        pinned = arm_pins(measures, mesh, cut, binding)
+        attachments = [Attachment(bone=b, vertices=(*p.tolist(),)) for b, p in pinned.items()]
     pins, pin_frame, spring, binding = _attached(
-        name, mesh, measures, binding, attachments, holds, upper
+        name, mesh, measures, binding, attachments, holds, cut if upper else None
     )
     rigid = np.isinf(spring[:, 0])
     if holds.tethers is not None and not rigid.any():
@@ -128,7 +140,7 @@ def dressed(
         damping=spring[~rigid, 1],
     )
     limits = dict(holds.skin_limits)
-    if upper:
+    if limited:
         usual = VertexDistance(distance=_MAX_DISTANCE * measures.unit)
         limits.setdefault("max_distance", (usual,))
     garment = Garment(
@@ -161,9 +173,11 @@ def _attached(
     binding: Binding,
     attachments: str | Sequence[Attachment],
     holds: Holds,
-    upper: bool,
+    cut: GarmentMesh | None,
 ) -> tuple[IntArray, IntArray, FloatArray, Binding]:
     """Attached vertices, their frames and springs, and the binding with the frames they need.
+
+    Of what hangs from the shoulders `cut` is the mesh before it was let out; None of others.
 
     Raises:
         GeometryError: An attachment that does not exist.
@@ -174,7 +188,7 @@ def _attached(
     if attachments == NONE:
         pins = np.zeros(0, dtype=np.int32)
     else:
-        pins = shoulder_pins(measures, mesh) if upper else waist_pins(mesh)
+        pins = waist_pins(mesh) if cut is None else lifted_shoulder_pins(measures, mesh, cut)
     heaviest = binding.heaviest(pins) if pins.size else 0
     frame = np.full(len(pins), heaviest, dtype=np.int32)
     return pins, frame, np.tile([holds.stiffness, holds.damping], (len(pins), 1)), binding

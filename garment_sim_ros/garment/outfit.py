@@ -12,7 +12,7 @@ from garment_sim_ros.body.skin import Body
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.errors import GeometryError, InputFileError
 from garment_sim_ros.garment.carrying_over import carried_over
-from garment_sim_ros.garment.dressing import Holds, dressed
+from garment_sim_ros.garment.dressing import AUTOMATIC, Holds, dressed
 from garment_sim_ros.garment.evening import evened, is_uneven
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.generators import GENERATORS
@@ -43,7 +43,13 @@ class Outfit:
     notes: tuple[str, ...] = ()
 
 
-def load_outfit(source: str | Path, body: Body, *, colliders: ColliderSet | None = None) -> Outfit:
+def load_outfit(
+    source: str | Path,
+    body: Body,
+    *,
+    colliders: ColliderSet | None = None,
+    attachments: str = AUTOMATIC,
+) -> Outfit:
     """An outfit made for a body in its rest pose.
 
     Args:
@@ -51,12 +57,13 @@ def load_outfit(source: str | Path, body: Body, *, colliders: ColliderSet | None
         body: The wearer.
         colliders: What the garments will lie on; they are let out to fit over it. None where only
             the skin matters.
+        attachments: What "auto" stands for in the file, see `dressing.dressed`.
 
     Raises:
         InputFileError: The file, or a mesh that it names, cannot be used.
         GeometryError: The body lacks bones or skin that a garment needs.
     """
-    return make_outfit(read_outfit(source), body, colliders=colliders)
+    return make_outfit(read_outfit(source), body, colliders=colliders, attachments=attachments)
 
 
 def make_outfit(
@@ -65,6 +72,7 @@ def make_outfit(
     *,
     colliders: ColliderSet | None = None,
     meshes: Mapping[str, GarmentMesh] = MappingProxyType({}),
+    attachments: str = AUTOMATIC,
 ) -> Outfit:
     """An outfit that was read, made for a body in its rest pose.
 
@@ -73,6 +81,7 @@ def make_outfit(
         body: The wearer.
         colliders: As for `load_outfit`.
         meshes: Surfaces of garments by name, in the place of their files.
+        attachments: As for `load_outfit`.
 
     Raises:
         InputFileError: A mesh that the outfit names cannot be used.
@@ -81,6 +90,8 @@ def make_outfit(
     measures = Measures(body)
     cuts, notes = [], []
     for entry in file.garments:
+        if entry.attachments == AUTOMATIC:
+            entry = replace(entry, attachments=attachments)
         made = meshes.get(entry.name)
         cut, remarks = _make(file.source, entry, measures, colliders, made)
         cuts.append(cut)

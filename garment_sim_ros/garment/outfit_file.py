@@ -15,7 +15,14 @@ from typing import Any
 from garment_sim_ros.colliders.ellipsoids.thresholds import tightest
 from garment_sim_ros.declaration import nearest
 from garment_sim_ros.errors import InputFileError, ParameterError
-from garment_sim_ros.garment.dressing import AUTOMATIC, NONE, Attachment, Holds, VertexDistance
+from garment_sim_ros.garment.dressing import (
+    ARMS,
+    AUTOMATIC,
+    NONE,
+    Attachment,
+    Holds,
+    VertexDistance,
+)
 from garment_sim_ros.garment.generators import GENERATORS
 from garment_sim_ros.garment.materials import material_from
 from garment_sim_ros.garment.mesh import UNITS, UP_AXES
@@ -77,7 +84,7 @@ class GarmentEntry:
         mesh: Path of a mesh file, or None.
         options: The generator's parameter group, or `MeshOptions`.
         material: Its fabric.
-        attachments: "auto", "none", or a list.
+        attachments: "auto", "arms", "none", or a list.
         layer: Garments with a higher number are worn over those with a lower one; those with the
             same do not meet. None: as they lie on the body at rest, where no garment of the file
             has one; else 0.
@@ -350,10 +357,10 @@ def _thresholds(value: object) -> str:
 
 def _attachments(value: object) -> str | tuple[Attachment, ...]:
     allowed = (
-        f"{AUTOMATIC}, {NONE}, or a list of {{bone: NAME, vertices: [...]}}, each also with a "
-        "stiffness in N/m and a damping in N s/m"
+        f"{AUTOMATIC}, {ARMS}, {NONE}, or a list of {{bone: NAME, vertices: [...]}}, each also "
+        "with a stiffness in N/m and a damping in N s/m"
     )
-    if isinstance(value, str) and value in (AUTOMATIC, NONE):
+    if isinstance(value, str) and value in (AUTOMATIC, ARMS, NONE):
         return value
     if not isinstance(value, list) or len(value) > 1000:
         raise ParameterError("attachments", f"found {repr(value)[:60]}", f"allowed: {allowed}")

@@ -1,6 +1,7 @@
 """From a bag to its figures and pictures."""
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,8 @@ def evaluate(
     frame_rate: float,
     pictures: Path,
     bone_names: str = "",
+    attachments: str = "auto",
+    skinning: str = "linear",
     progress: Progress = lambda items, text, total: items,
 ) -> dict[str, Any]:
     """Measure and draw what was recorded.
@@ -40,6 +43,8 @@ def evaluate(
         frame_rate: At which frames were due [Hz].
         pictures: Folder for ``preview.png`` and ``preview.gif``.
         bone_names: File that names the avatar's bones, as `load_body` takes it.
+        attachments: What held it, as `load_outfit` takes it.
+        skinning: How the avatar's skin follows its bones, one of `body.skinning.METHODS`.
         progress: Passes items on and shows how far it is: a text, and of a total.
 
     Returns:
@@ -49,8 +54,8 @@ def evaluate(
         InputFileError: The bag, body or outfit cannot be used.
     """
     recording = read_recording(bag)
-    avatar = load_body(body, bone_names=bone_names)
-    garments = load_outfit(outfit, avatar).garments
+    avatar = replace(load_body(body, bone_names=bone_names), skinning=skinning)
+    garments = load_outfit(outfit, avatar, attachments=attachments).garments
     shown = figures(recording, avatar)
     if len(shown) < 2:
         raise InputFileError(bag, "fewer than 2 whole frames", "record for longer")

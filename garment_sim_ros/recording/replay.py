@@ -44,7 +44,7 @@ class Replay:
             reference=reference_from_urdf(recording.robot_description),
         )
         self._kept: dict[int, FloatArray] = {}
-        self._skinner = Skinner(body.skin)
+        self._skinner = Skinner.of(body)
         hips = body.humanoid.get("hips")
         self._root = body.rig.index(hips) if hips else 0
         # In rest pose bodies face along x.

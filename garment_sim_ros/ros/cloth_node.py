@@ -3,6 +3,7 @@
 import math
 import sys
 import time
+from dataclasses import replace
 from threading import Thread
 from typing import Any
 
@@ -96,12 +97,14 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         # Last: by now `collider_node` may have left it in the cache.
         with reporting(self.get_logger().info, f"load the body {p.body}"):
             body = load_body(p.body, bone_names=p.body_bone_names)
+            body = replace(body, skinning=p.skinning)
         if missing := missing_bones_of(body, "body_bone_names"):
             self.get_logger().warning(missing)
         self._dresser = Dresser(
             outfit,
             body,
             frame_id=p.frame_id,
+            attachments=p.attachments,
             solver=p.solver,
             solver_step=p.solver_step,
             compiler=compiler,

@@ -44,6 +44,7 @@ def dress(
     body: Body,
     colliders: ColliderSet,
     *,
+    attachments: str,
     solver: str,
     solver_step: float,
     parameters: Parameters,
@@ -54,6 +55,7 @@ def dress(
         outfit: Outfit file or name.
         body: The wearer.
         colliders: Its colliders.
+        attachments: What holds the garments, as `load_outfit` takes it.
         solver: Name of the solver.
         solver_step: Its step [s].
         parameters: Outer forces and numerical parameters.
@@ -61,7 +63,7 @@ def dress(
     Raises:
         GarmentSimError: One of them cannot be used, or they do not suit each other.
     """
-    made = load_outfit(outfit, body, colliders=colliders)
+    made = load_outfit(outfit, body, colliders=colliders, attachments=attachments)
     simulation = Simulation(made.garments, colliders, solver=solver, solver_step=solver_step)
     simulation.parameters = parameters
     return made, simulation
@@ -74,6 +76,7 @@ class Dresser:
         outfit: Outfit file or name.
         body: The wearer.
         frame_id: Frame that descriptions must be in.
+        attachments: What holds the garments, as `load_outfit` takes it.
         solver: Name of the solver.
         solver_step: Its step [s].
         compiler: Compiles what the garments will run.
@@ -87,6 +90,7 @@ class Dresser:
         body: Body,
         *,
         frame_id: str,
+        attachments: str,
         solver: str,
         solver_step: float,
         compiler: Compiler,
@@ -96,6 +100,7 @@ class Dresser:
         self._outfit = outfit
         self._body = body
         self._frame_id = frame_id
+        self._attachments = attachments
         self._solver = solver
         self._solver_step = solver_step
         self._compiler = compiler
@@ -144,6 +149,7 @@ class Dresser:
                 self._outfit,
                 self._body,
                 colliders,
+                attachments=self._attachments,
                 solver=self._solver,
                 solver_step=self._solver_step,
                 parameters=parameters,

@@ -24,15 +24,12 @@ def account(simulation: Simulation) -> dict[str, Any]:
     environment = simulation.parameters.environment
     kinds = [c.kind for c in simulation.collider_set.colliders if not c.is_frame]
     shapes = ", ".join(f"{kinds.count(kind)} {kind}" for kind in sorted(set(kinds)))
-    layers = sorted({simulation.layer(name) for name in simulation.names})
-    friction = any(simulation.model(name).material.friction > 0.0 for name in simulation.names)
     inertia = environment.root_linear_inertia, environment.root_angular_inertia
     effects = {
         "stretch, shear and bending": "always",
         "gravity": _unless(any(environment.gravity), "gravity is 0"),
         f"contact on {shapes} colliders": _unless(bool(kinds), "there are no shapes"),
-        "friction": _unless(friction, "no material has any"),
-        "contact between layers": _unless(len(layers) > 1, "all garments are in one layer"),
+        **_in_contact(simulation),
         **{
             limit.effect: _unless(
                 any(key in simulation.skin_limits(name) for name in simulation.names),
@@ -83,6 +80,26 @@ def account(simulation: Simulation) -> dict[str, Any]:
             if why.startswith("no: ")
         ],
         "garments": {name: _garment(simulation, name) for name in simulation.names},
+    }
+
+
+def _in_contact(simulation: Simulation) -> dict[str, str]:
+    """Friction and layers, which contact as printed does without."""
+    layers = {simulation.layer(name) for name in simulation.names}
+    friction = any(simulation.model(name).material.friction > 0.0 for name in simulation.names)
+    settings = simulation.parameters.settings
+    contact, response = (getattr(settings, k, "") for k in ("contact", "response"))
+    printed = contact == "rays" or (contact == "earliest" and response != "surface")
+    extras = getattr(settings, "extras", True)
+    return {
+        "friction": _unless(
+            friction and not printed,
+            "this contact has none" if printed else "no material has any",
+        ),
+        "contact between layers": _unless(
+            len(layers) > 1 and extras,
+            "all garments are in one layer" if extras else "extras is false",
+        ),
     }
 
 

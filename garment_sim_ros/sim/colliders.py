@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.contact.ellipsoid_refit import EllipsoidRefit
 from garment_sim_ros.contact.mesh.skin import SkinContact
 from garment_sim_ros.contact.packed import Bounds, PackedShapes, PosedShapes, Poses, pack, pose
+from garment_sim_ros.contact.papers.rays.tables import RayTables, ray_tables
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.contact.sweep import Sweep
 from garment_sim_ros.jit import compiled
@@ -21,6 +23,7 @@ class ColliderState:
     """Colliders during one step: shared by all garments.
 
     Attributes:
+        collider_set: The set.
         shapes: The shapes that can be touched.
         start: World poses of the whole set when the step starts.
         end: World poses when it ends.
@@ -41,6 +44,7 @@ class ColliderState:
         code: Machine code of `world.path`.
     """
 
+    collider_set: ColliderSet
     shapes: PackedShapes
     start: ColliderPoses
     end: ColliderPoses
@@ -75,6 +79,7 @@ class ColliderState:
         shapes = pack(colliders, T_world_rest)
         posed = PosedShapes.room_for(shapes)
         return cls(
+            collider_set=colliders,
             shapes=shapes,
             start=ColliderPoses.identity(n),
             end=ColliderPoses.identity(n),
@@ -91,6 +96,11 @@ class ColliderState:
             refit=EllipsoidRefit(colliders, shapes),
             skin=SkinContact(colliders) if colliders.has_skin else None,
         )
+
+    @cached_property
+    def rays(self) -> RayTables:
+        """What contact along rays needs of the hulls, computed where it is asked for."""
+        return ray_tables(self.collider_set)
 
     def pose(self) -> None:
         """Poses the shapes for the step from `start` to `end`."""

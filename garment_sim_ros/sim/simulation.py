@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from garment_sim_ros.contact.papers.earliest.contact import check_earliest
+from garment_sim_ros.contact.papers.allowed import check_contact
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError, MessageError, ParameterError
 from garment_sim_ros.params import Environment, ImplicitSettings, RelaxationSettings, XpbdSettings
@@ -137,6 +137,7 @@ class Simulation(ByName):
         else:
             self._wind.become(parameters.environment, self.time)
         self._acting = parameters
+        self._extras = getattr(parameters.settings, "extras", True)
 
     def check(self, parameters: Parameters) -> None:
         """See whether parameters may be set.
@@ -145,8 +146,7 @@ class Simulation(ByName):
             ParameterError: A wind that cannot be, or a contact that the colliders do not allow.
         """
         check_wind(parameters.environment)
-        if getattr(parameters.settings, "contact", "") == "earliest":
-            check_earliest(self.collider_set)
+        check_contact(getattr(parameters.settings, "contact", ""), self.collider_set)
 
     def reset(self, poses: ColliderPoses, *, settle: bool = True) -> None:
         """Puts every garment on and lets it settle on a pose, without a kick afterwards.
@@ -282,7 +282,9 @@ class Simulation(ByName):
 
     def _look_after(self, poses: ColliderPoses) -> None:
         """Winds garments back that limbs stay in; the colliders are in their last poses."""
-        for name in () if self._is_sewing else self._rewinding.look(self.time, poses):
+        if self._is_sewing or not self._extras:
+            return
+        for name in self._rewinding.look(self.time, poses):
             wind_back(self._rewinding, self._worn[name], poses, self._replay)
             self._rewinding.tried(name, self.time)
             for _, pair in self._under[name]:
@@ -359,7 +361,8 @@ class Simulation(ByName):
 
     def _step(self, garments: Sequence[Worn], dt: float) -> None:
         """A step of dt [s] of some garments on the colliders as they move."""
-        pairs = [pair for worn in garments for _, pair in self._under[worn.garment.name]]
+        worn_over = garments if self._extras else ()
+        pairs = [pair for worn in worn_over for _, pair in self._under[worn.garment.name]]
         for worn in garments:
             self._begin(worn, dt)
         take_step(self._solver, garments, pairs, self._colliders, self._acting, dt)

@@ -121,6 +121,20 @@ def test_the_floor_is_a_floor(seed, floor):
     assert not simple.outside(hull.vertices).any()
 
 
+@CHECKED
+@given(seed=st.integers(0, 10**6), floor=st.integers(4, 100))
+def test_triangles_alone_go_four_faces_at_a_time(seed, floor):
+    hull = convex_hull(cloud(seed, 150))
+    start = inflate_vertices(hull, 0.01)
+    how = Simplification(max_faces=floor, triangles_only=True)
+    simple = simplify_hull(start, hull, how)
+    assert_closed_and_convex(simple)
+    assert not simple.outside(hull.vertices).any()
+    # A triangle that collapses to a vertex takes itself and its three neighbours along.
+    assert (len(start.faces) - len(simple.faces)) % 4 == 0
+    assert len(simple.faces) >= min(floor, len(start.faces))
+
+
 def test_more_room_never_needs_more_faces():
     hull = convex_hull(cloud(5, 300))
     counts = [

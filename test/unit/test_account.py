@@ -89,3 +89,21 @@ def test_the_command_tells_the_same(capsys):
     assert found["garments"]["skirt"]["shapes_passing"] > 0
     # The shirt's.
     assert "a farthest distance from skin" in found["models"]
+
+
+def test_contact_as_printed_has_no_friction_and_no_layers(cloth):
+    vertices, triangles = cloth.grid(8, 9)
+    garments = [
+        dataclasses.replace(
+            cloth.garment(vertices, triangles, pins=range(9), name=name), layer=number
+        )
+        for number, name in enumerate(("inner", "outer"))
+    ]
+    how = {"solver": "relaxation", "contact": "rays"}
+    kept, printed = (
+        account(Simulation(garments, cloth.colliders(BALL), extras=extras, **how))
+        for extras in (True, False)
+    )
+    assert "contact between layers" in kept["models"]
+    assert "friction" not in kept["models"]
+    assert "contact between layers (extras is false)" in printed["leaves_out"]

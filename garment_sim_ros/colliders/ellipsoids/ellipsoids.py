@@ -28,7 +28,7 @@ from garment_sim_ros.params import declarations, validated
 PARTS = ("torso", *REGIONS[:9])
 """Parts of a body that are refined one by one: the torso's six regions together."""
 SEGMENTATIONS = declarations(EllipsoidSettings)["segmentation"].choices
-COVERS = ("triangles", "vertices")
+COVERS = declarations(EllipsoidSettings)["cover"].choices
 
 
 @dataclass(frozen=True)
@@ -88,8 +88,7 @@ def ellipsoids_around(
     body: Body,
     settings: EllipsoidSettings | None = None,
     *,
-    sex: str = "female",
-    cover: str = "triangles",
+    cover: str | None = None,
 ) -> EllipsoidFit:
     """Fit ellipsoids to a body's skin in its bind pose.
 
@@ -98,9 +97,7 @@ def ellipsoids_around(
         settings: Thresholds and more. The torso's six regions share the smallest of theirs; at
             most as many ellipsoids are made as it says, the worst in relation to their thresholds
             being split first. Thresholds hold for the ellipsoids as they are returned.
-        sex: For the paper's constants.
-        cover: ``triangles``: the whole skin is inside the union; ``vertices``: as in the paper,
-            which leaves skin outside where ellipsoids meet.
+        cover: What is inside the union, in the place of what the settings say.
 
     Raises:
         GeometryError: The body cannot be segmented.
@@ -111,6 +108,7 @@ def ellipsoids_around(
         EllipsoidSettings, {name: getattr(s, name) for name in declarations(EllipsoidSettings)}
     )
     thresholds = region_thresholds(s)
+    cover = cover or s.cover
     if cover not in COVERS:
         raise ParameterError("cover", f"found {cover!r}", f"allowed: {COVERS}")
     x = body.skin.vertices
@@ -119,7 +117,7 @@ def ellipsoids_around(
         whole = Clustering.start(x, np.zeros(len(x), np.int32), sigma=0.0, use_rule=False)
         parts = [_Part("body", np.arange(len(x)), whole, ("body",), min(s.mu_torso, s.mu_limb))]
     else:
-        divided = segment_body(body, s.segmentation, sex=sex)
+        divided = segment_body(body, s.segmentation, sex=s.sex, paths=s.paths)
         # Vertices at one place (seams) count once, as on the repaired surface.
         _, first = np.unique(divided.surface.vertex, return_index=True)
         region = divided.region[first]
@@ -179,7 +177,9 @@ def _split_worst(parts: list[_Part], fit: EllipsoidFit, most: int) -> bool:
     return bool(len(worst))
 
 
-def segment_body(body: Body, segmentation: str = "auto", *, sex: str = "female") -> Segmentation:
+def segment_body(
+    body: Body, segmentation: str = "auto", *, sex: str = "female", paths: str = "unfolded"
+) -> Segmentation:
     """The 15 regions of a body, its joints taken as `ellipsoids_around` says.
 
     Raises:
@@ -195,6 +195,7 @@ def segment_body(body: Body, segmentation: str = "auto", *, sex: str = "female")
         body.skin.triangles,
         constants="table1" if segmentation == "table1" else "anthropometry",
         sex=sex,
+        paths=paths,
         joints=_joints(body, segmentation),
     )
 

@@ -44,12 +44,15 @@ class Simplification:
             contain [m]; its own size at most.
         objective: `QUADRIC` stays close to the start, `VOLUME` takes all the slack there is.
         rounds: Most turns of deleting and polishing.
+        triangles_only: Whether whole triangles are deleted, the cheapest first, and nothing else,
+            as printed.
     """
 
     max_faces: int = 4
     outside: float = np.inf
     objective: int = QUADRIC
     rounds: int = 10
+    triangles_only: bool = False
 
 
 def simplify_hull(start: Hull, inner: Hull, how: Simplification) -> Hull:
@@ -66,7 +69,9 @@ def simplify_hull(start: Hull, inner: Hull, how: Simplification) -> Hull:
     if how.max_faces < 4:
         raise ParameterError("max_faces", f"found {how.max_faces}", "allowed: 4 or more")
     best = _attempt(start, inner, how, how.objective)
-    if len(best.faces) > how.max_faces + 1:  # stopped early: another placement may get further
+    if (
+        len(best.faces) > how.max_faces + 1 and not how.triangles_only
+    ):  # stopped early: another placement may get further
         other = _attempt(start, inner, how, VOLUME if how.objective == QUADRIC else QUADRIC)
         if len(other.faces) < len(best.faces):
             best = other
@@ -99,6 +104,7 @@ def _attempt(start: Hull, inner: Hull, how: Simplification, objective: int) -> H
         ),
         how.max_faces,
         how.rounds,
+        how.triangles_only,
     )
     used = np.unique(faces[faces[:, 0] >= 0])
     return convex_hull(x[used] * size + centre)
@@ -194,7 +200,9 @@ def _cheapest(costs):
 
 
 @exact_kernel()
-def _delete(x, count, quadrics, faces, neighbours, bounds, max_faces, scratch, planes):
+def _delete(
+    x, count, quadrics, faces, neighbours, bounds, max_faces, triangles_only, scratch, planes
+):
     """Delete the cheapest edge or triangle until none is left to delete.
 
     Costs are kept per candidate and renewed around each deletion; the cheapest is evaluated once
@@ -211,9 +219,9 @@ def _delete(x, count, quadrics, faces, neighbours, bounds, max_faces, scratch, p
     removed = np.empty(3, dtype=np.int32)
     v = np.empty(3)
     any_done = False
-    with_edges = alive <= _TRIANGLES_ONLY * max_faces
+    with_edges = not triangles_only and alive <= _TRIANGLES_ONLY * max_faces
     while alive > max_faces:
-        if not with_edges and alive <= _TRIANGLES_ONLY * max_faces:
+        if not (with_edges or triangles_only) and alive <= _TRIANGLES_ONLY * max_faces:
             with_edges = True
             touched[:] = True
         _renew_costs(
@@ -225,7 +233,7 @@ def _delete(x, count, quadrics, faces, neighbours, bounds, max_faces, scratch, p
         while not done:
             best, f, i = _cheapest(costs)
             if best == np.inf:
-                if with_edges:
+                if with_edges or triangles_only:
                     return count, any_done
                 with_edges = True
                 touched[:] = True
@@ -289,14 +297,17 @@ def _polish(x, count, quadrics, faces, neighbours, bounds, scratch, planes):
 
 
 @exact_kernel()
-def _simplify(x, count, quadrics, faces, neighbours, bounds, max_faces, rounds):
+def _simplify(x, count, quadrics, faces, neighbours, bounds, max_faces, rounds, triangles_only):
     """Delete and polish in turns: polishing makes room for more deletions."""
     scratch = np.empty((3, MAX_PATCH), dtype=np.int32)
     planes = np.empty((3 * MAX_PATCH + MAX_CUTS, 4))
     for _ in range(rounds):
         count, deleted = _delete(
-            x, count, quadrics, faces, neighbours, bounds, max_faces, scratch, planes
-        )
+            x, count, quadrics, faces, neighbours, bounds, max_faces, triangles_only, scratch,
+            planes,
+        )  # fmt: skip
+        if triangles_only:
+            break
         for _ in range(3):
             _polish(x, count, quadrics, faces, neighbours, bounds, scratch, planes)
         if not deleted:

@@ -36,10 +36,10 @@ from garment_sim_ros.colliders.joint_shapes import (
     choose_hulls,
     covering_sphere,
     gaps,
+    holding_radius,
     is_covered,
     is_worth_it,
     joints,
-    needed_radius,
 )
 from garment_sim_ros.colliders.regions import Regions, region_surface, skin_regions
 from garment_sim_ros.contact.kinds.capsule import CAPSULE
@@ -193,6 +193,7 @@ def _fitted(inner: Hull, points: FloatArray, settings: HullSettings) -> Hull:
         max_faces=settings.max_faces,
         outside=settings.reach * settings.delta,
         objective=QUADRIC if settings.placement == "quadric" else VOLUME,
+        triangles_only=settings.deletion == "triangles",
     )
     if settings.delta > 0.0:
         start = inflate(inner, settings.delta)
@@ -242,12 +243,12 @@ def _joint_colliders(
 
     def of_joint(joint: Joint) -> list[tuple[Collider, ShapeFit]]:
         posed, height = gaps(joint, hulls)
-        if is_covered(height):
-            return []
         if settings.joints == "spheres":
-            radius = needed_radius(posed, height)
+            radius = holding_radius(joint)
             own = np.linalg.norm(posed, axis=-1) - radius
             return [_joint_sphere(body, regions, joint, joint.centre, radius, height, own)]
+        if is_covered(height):
+            return []
         made = []
         centre, radius, own = covering_sphere(joint, posed, height, skin)
         if is_worth_it(height, own):
@@ -259,7 +260,7 @@ def _joint_colliders(
             height = np.minimum(height, band.height)
         return made
 
-    made = _all(of_joint, joints(body, regions, skin))
+    made = _all(of_joint, joints(body, regions, skin, settings.flexible))
     return [(_inflated(collider, settings.delta), shape) for collider, shape in made]
 
 

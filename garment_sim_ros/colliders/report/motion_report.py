@@ -50,7 +50,7 @@ def _static(collider: Collider) -> Collider:
 
 def _outside(body: Body, colliders: ColliderSet, poses: Sequence[FloatArray]) -> dict[str, float]:
     poser = ColliderPoser(colliders, body)
-    skinner = Skinner(body.skin)
+    skinner = Skinner.of(body)
     union = Union(colliders, poser.poses(poses[0]))
     distance = []
     for T_world_joint in poses:

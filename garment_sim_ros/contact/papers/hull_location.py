@@ -5,8 +5,8 @@ Else the faces that look up and those that look down are two planar meshes with 
 the point is inside if and only if it is below the face above it and above the face below it. The
 response point is where the ray of the outer map through it leaves the hull.
 
-The simulation meets hulls by `contact.kinds.hull` instead, which needs one short list of planes
-for both questions; this is what it is checked against and measured by.
+The simulation meets hulls by `contact.kinds.hull` unless it is asked for `contact.papers.rays`:
+that needs one short list of planes for both questions. This is one hull, for checks and figures.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.papers import kirkpatrick, planar_grid
 from garment_sim_ros.contact.papers.kirkpatrick import hierarchy
-from garment_sim_ros.contact.papers.outer_map import outer_map, ray_exit
+from garment_sim_ros.contact.papers.outer_map import exit_point, outer_map
 from garment_sim_ros.contact.papers.planar_grid import planar_grid as build_planar_grid
 from garment_sim_ros.jit import exact_kernel
 
@@ -48,13 +48,11 @@ class HullLocator:
         self.map = outer_map(vertices, faces, around=around, rows=rows, kind=kind)
         self._box = np.stack([vertices.min(axis=0), vertices.max(axis=0)])
         up = self.map.plane[:, 2]
-        self._sides = []
-        for side in (1.0, -1.0):
-            chosen = np.flatnonzero(up * side > _UPRIGHT).astype(np.int32)
-            triangles = faces[chosen] if side > 0.0 else faces[chosen][:, ::-1]
-            flat = np.ascontiguousarray(vertices[:, :2])
-            build = hierarchy if search == "kirkpatrick" else build_planar_grid
-            self._sides.append((build(flat, triangles), chosen))
+        flat = np.ascontiguousarray(vertices[:, :2])
+        build = hierarchy if search == "kirkpatrick" else build_planar_grid
+        self._sides = [
+            (build(flat, triangles), chosen) for chosen, triangles in planar_meshes(faces, up)
+        ]
         self._inside = _inside_kirkpatrick if search == "kirkpatrick" else _inside_grid
 
     def inside(self, points: FloatArray) -> NDArray[np.bool_]:
@@ -74,8 +72,21 @@ class HullLocator:
         return found, face
 
 
+def planar_meshes(faces: IntArray, up: FloatArray) -> list[tuple[IntArray, IntArray]]:
+    """The upper and the lower planar mesh: their faces, and these counter-clockwise from above.
+
+    Args:
+        faces: Outward triangles, shape [f, 3].
+        up: The z of their unit normals, shape [f].
+    """
+    upper = np.flatnonzero(up > _UPRIGHT).astype(np.int32)
+    lower = np.flatnonzero(up < -_UPRIGHT).astype(np.int32)
+    return [(upper, faces[upper]), (lower, faces[lower][:, ::-1])]
+
+
 @exact_kernel(inner=True)
-def _in_box(box, p):
+def in_box(box, p):
+    """Whether a point is in the box of two corners, shape [2, 3]."""
     return (
         box[0, 0] <= p[0] <= box[1, 0]
         and box[0, 1] <= p[1] <= box[1, 1]
@@ -84,7 +95,7 @@ def _in_box(box, p):
 
 
 @exact_kernel(inner=True)
-def _between(plane, top, bottom, p):
+def between(plane, top, bottom, p):
     """Whether a point is below the plane of face `top` and above that of face `bottom`."""
     for f in (top, bottom):
         n = plane[f]
@@ -97,40 +108,30 @@ def _between(plane, top, bottom, p):
 def _inside_kirkpatrick(points, box, upper, up, lower, down, plane, result):
     for i in range(points.shape[0]):
         p = points[i]
-        if not _in_box(box, p):
+        if not in_box(box, p):
             continue
         above = kirkpatrick.locate(upper, p[0], p[1])
         below = kirkpatrick.locate(lower, p[0], p[1])
         if above >= 0 and below >= 0:
-            result[i] = _between(plane, up[above], down[below], p)
+            result[i] = between(plane, up[above], down[below], p)
 
 
 @exact_kernel()
 def _inside_grid(points, box, upper, up, lower, down, plane, result):
     for i in range(points.shape[0]):
         p = points[i]
-        if not _in_box(box, p):
+        if not in_box(box, p):
             continue
         above = planar_grid.locate(upper, p[0], p[1])
         below = planar_grid.locate(lower, p[0], p[1])
         if above >= 0 and below >= 0:
-            result[i] = _between(plane, up[above], down[below], p)
+            result[i] = between(plane, up[above], down[below], p)
 
 
 @exact_kernel()
 def _exits(points, table, found, face):
     for i in range(points.shape[0]):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        t, f = ray_exit(table, x, y, z)
+        x, y, z, f = exit_point(table, points[i, 0], points[i, 1], points[i, 2])
         face[i] = f
-        if f < 0:
-            continue
-        length = np.sqrt(x * x + y * y + (z * z if table.is_sphere else 0.0))
-        if length == 0.0:
-            found[i, 0] = t
-            found[i, 1] = 0.0
-            found[i, 2] = 0.0 if table.is_sphere else z
-            continue
-        found[i, 0] = x * t / length
-        found[i, 1] = y * t / length
-        found[i, 2] = z * t / length if table.is_sphere else z
+        if f >= 0:
+            found[i, 0], found[i, 1], found[i, 2] = x, y, z

@@ -29,6 +29,7 @@ class Hierarchy(NamedTuple):
         start: Where each triangle's finer ones start in `finer`, shape [n + 1].
         finer: Indices of triangles.
         tolerance: Twice the area by which a point may be outside a triangle that holds it.
+        root: The large one.
     """
 
     corner: FloatArray
@@ -36,6 +37,7 @@ class Hierarchy(NamedTuple):
     start: IntArray
     finer: IntArray
     tolerance: float
+    root: int
 
 
 def hierarchy(points: FloatArray, triangles: IntArray) -> Hierarchy:
@@ -86,6 +88,7 @@ def hierarchy(points: FloatArray, triangles: IntArray) -> Hierarchy:
         start=start.astype(np.int32),
         finer=np.array([t for f in finer for t in f], np.int32),
         tolerance=_ROUNDING * size * size,
+        root=len(corners) - 1,
     )
 
 
@@ -166,7 +169,7 @@ def _overlap(a: FloatArray, b: FloatArray) -> bool:
 @exact_kernel()
 def locate(tree, px, py):
     """Label of the triangle that holds a point, -1 outside the polygon."""
-    t = tree.label.shape[0] - 1
+    t = np.int64(tree.root)
     while tree.label[t] == -2:
         best = -np.inf
         found = t

@@ -38,6 +38,7 @@ class OuterMap(NamedTuple):
             fastest.
         face: Faces of the hull.
         plane: Their outward unit normals and offsets, shape [f, 4].
+        first: Where the map's cells begin in `start`.
     """
 
     is_sphere: int
@@ -48,6 +49,7 @@ class OuterMap(NamedTuple):
     start: IntArray
     face: IntArray
     plane: FloatArray
+    first: int
 
 
 def outer_map(
@@ -109,6 +111,7 @@ def outer_map(
         start=np.cumsum([0, *(len(faces) for faces in lists)]).astype(np.int32),
         face=np.array([f for faces in lists for f in faces], np.int32),
         plane=np.column_stack([normal, offset]),
+        first=0,
     )
 
 
@@ -193,7 +196,7 @@ def ray_exit(table, x, y, z):
     found = -1
     if row < 0 or row > table.rows - 1:
         return best, found
-    cell = column * table.rows + row
+    cell = table.first + column * table.rows + row
     for k in range(table.start[cell], table.start[cell + 1]):
         f = table.face[k]
         n = table.plane[f]
@@ -204,3 +207,21 @@ def ray_exit(table, x, y, z):
                 best = t
                 found = f
     return best, found
+
+
+@exact_kernel(inner=True)
+def exit_point(table, x, y, z):
+    """The response point of a point: where its ray leaves the hull.
+
+    Returns:
+        The point and its face, -1 if the ray does not leave, see `ray_exit`.
+    """
+    t, face = ray_exit(table, x, y, z)
+    if face < 0:
+        return x, y, z, face
+    height = z if table.is_sphere else 0.0
+    length = np.sqrt(x * x + y * y + height * height)
+    if length == 0.0:
+        return t, 0.0, 0.0 if table.is_sphere else z, face
+    scale = t / length
+    return x * scale, y * scale, z * scale if table.is_sphere else z, face

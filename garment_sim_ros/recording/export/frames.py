@@ -79,7 +79,7 @@ class Frames:
         """The garments and, posed by its joints, the skin."""
         yield from self.garments.values()
         if self.body is not None:
-            skinner = Skinner(self.body.skin)
+            skinner = Skinner.of(self.body)
             yield Surface(
                 name="body",
                 triangles=self.body.skin.triangles,

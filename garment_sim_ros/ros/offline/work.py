@@ -162,6 +162,7 @@ class Cloth:
                 p.outfit or DEFAULT_OUTFIT,
                 self._body,
                 colliders,
+                attachments=p.attachments,
                 solver=p.solver,
                 solver_step=p.solver_step,
                 parameters=self._forces,

@@ -8,32 +8,12 @@ import numpy as np
 
 from garment_sim_ros.arrays import IntArray, SingleArray
 from garment_sim_ros.contact.kinds.ellipsoid import ELLIPSOID
-from garment_sim_ros.contact.kinds.frame import FRAME
-from garment_sim_ros.contact.kinds.sphere import SPHERE
 from garment_sim_ros.contact.packed import PackedShapes, PosedShapes
 from garment_sim_ros.contact.papers.earliest.hit import meet, response_numbers, room_for
-from garment_sim_ros.contact.shapes import ColliderSet
-from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.params import RelaxationSettings
 
-_KNOWN = (SPHERE, ELLIPSOID, FRAME)
 _ELLIPSOID = ELLIPSOID.code
-
-
-def check_earliest(colliders: ColliderSet) -> None:
-    """Whether contact by the earliest hit is possible.
-
-    Raises:
-        ParameterError: Colliders of a kind that it does not know.
-    """
-    others = sorted({c.kind for c in colliders.colliders if c.record not in _KNOWN})
-    if others:
-        raise ParameterError(
-            "contact",
-            f"found 'earliest' with {', '.join(others)} colliders",
-            "allowed: with ellipsoids and spheres (fit --method ellipsoids)",
-        )
 
 
 class EarliestContact:

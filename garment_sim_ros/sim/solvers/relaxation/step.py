@@ -9,6 +9,7 @@ import numpy as np
 from garment_sim_ros.arrays import SingleArray
 from garment_sim_ros.contact.collide import collide
 from garment_sim_ros.contact.papers.earliest.contact import EarliestContact
+from garment_sim_ros.contact.papers.rays.contact import meet_rays
 from garment_sim_ros.contact.sweep import sweep
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.model import Parameters
@@ -46,6 +47,9 @@ def meet(piece: Piece, step: Step) -> None:
     model, state, workspace = piece.model, piece.state, piece.workspace
     if step.params.settings.contact == "earliest":
         _meet_earliest(piece, step)
+        return
+    if step.params.settings.contact == "rays":
+        _meet_along_rays(piece, step)
         return
     carry = _meet(piece, step.colliders)
     free, contacts = model.free_count, workspace.contacts
@@ -169,5 +173,25 @@ def _meet_earliest(piece: Piece, step: Step) -> None:
         step.params.settings,
         h,
         workspace.contacts.shape,
+    )
+    measure_motion(v, workspace.motion)
+
+
+def _meet_along_rays(piece: Piece, step: Step) -> None:
+    """Contact along rays from inside, and velocities."""
+    state, workspace, colliders = piece.state, piece.workspace, step.colliders
+    free = piece.model.free_count
+    x, v = state.x[:free], state.v[:free]
+    workspace.contact_count = int(
+        meet_rays(
+            colliders.shapes,
+            colliders.posed,
+            colliders.rays,
+            x,
+            v,
+            workspace.x_predicted[:free],
+            np.float32(step.dt),
+            workspace.contacts.shape,
+        )
     )
     measure_motion(v, workspace.motion)

@@ -1,0 +1,1 @@
+"""Contact along rays from inside, as both papers begin."""
