@@ -3,12 +3,12 @@
     python bench/deadline.py [--preset balanced auto] [--seconds 20] [--repeats 3] [--free]
         [--busy 1] [--json]
 
-The three nodes of `garment-sim demo` run and are recorded, each preset in turn, several times. With
-``--busy N`` a loop that does nothing else keeps each of N cores busy meanwhile; with ``--free``
-there is a run without, too. Late frames are those of the node's own count, of all frames after
-the first second: published more than half a period after they were due, or not at all. Prints, for
-each preset, the median and the range over the repeats; for `auto` also which share of the frames
-ran at which quality, and how often that changed.
+The three nodes of `garment-sim demo` run and are recorded, each preset in turn, several times.
+With ``--busy N`` a loop that does nothing else keeps each of N cores busy meanwhile; with
+``--free`` there is a run without, too. Late frames are those of the node's own count, of all
+frames after the first second: published more than half a period after they were due, or not at
+all. Prints, for each preset, the median and the range over the repeats; for `auto` also which
+share of the frames ran at which level, and how often that changed.
 """
 
 import argparse
@@ -61,7 +61,7 @@ def run(preset: str, seconds: float, busy: int) -> dict[str, Any]:
     one = next(iter(quality.values()))
     late = one["late_frames"][_SETTLING:] - one["late_frames"][_SETTLING]
     whole = np.concatenate([of["strain_p95"][_SETTLING:] for of in quality.values()])
-    level = one.get("quality", np.zeros(0))[_SETTLING:].astype(int).tolist()
+    level = one.get("auto_level", np.zeros(0))[_SETTLING:].astype(int).tolist()
     return {
         "frames": len(late),
         "late_percent": 100.0 * float(late[-1]) / len(late),
@@ -90,7 +90,9 @@ def in_words(name: str, runs: list[dict[str, Any]]) -> str:
         f"pierced {spread('pierced', 3)}"
     )
     if runs[-1]["levels"]:
-        levels = ", ".join(f"{k}: {100.0 * share:.0f} %" for k, share in runs[-1]["levels"].items())
+        levels = ", ".join(
+            f"{k}: {100.0 * share:.0f} %" for k, share in runs[-1]["levels"].items()
+        )
         text += f"; changes {spread('changes', 0)}; quality of the last run {levels}"
     return text
 
