@@ -8,7 +8,8 @@ from garment_sim_ros.params import ClothNodeParameters
 from garment_sim_ros.presets import preset_values
 from garment_sim_ros.ros.cloth_stepper import ClothStepper
 from garment_sim_ros.ros.ticker import Ticker
-from garment_sim_ros.sim.auto.levels import LEVELS, MOVED, Level
+from garment_sim_ros.sim.auto.levels import Level
+from garment_sim_ros.sim.auto.own_front import own_levels
 from garment_sim_ros.sim.auto.pacer import Pacer, check_solver, check_unmoved
 from garment_sim_ros.stamps import SECOND
 
@@ -28,7 +29,7 @@ class Pace:
         p: The node's parameters.
         preset: Name of the node's preset.
         log: Takes a line of text.
-        levels: What it moves between.
+        levels: What it moves between; those of this machine where None.
     """
 
     def __init__(
@@ -37,7 +38,7 @@ class Pace:
         p: ClothNodeParameters,
         preset: str,
         log: Callable[[str], Any],
-        levels: Sequence[Level] = LEVELS,
+        levels: Sequence[Level] | None = None,
     ) -> None:
         self._stepper = stepper
         self._log = log
@@ -50,6 +51,9 @@ class Pace:
             return
         self._quantum = stepper.simulation.solver_step
         self._most = _BEHIND / p.rate / self._quantum + 0.5
+        own = own_levels()
+        levels = own.levels if levels is None else levels
+        log(f"auto: {len(levels)} levels, costs {own.told}; {budget_of(p):.3g} ms for a frame")
         self._pacer = Pacer(stepper.simulation, budget_of(p), p.rate, levels)
         self._pass_on()
 
@@ -121,5 +125,4 @@ def check_pace(preset: str, settings: Any, p: ClothNodeParameters) -> None:
     if preset == AUTO and p.step_on != "poses":
         check_solver(settings)
         given = {"solver_step": p.solver_step, **vars(settings)}
-        usual = preset_values(AUTO, "cloth_node")
-        check_unmoved({name: given[name] for name in MOVED}, usual)
+        check_unmoved(given, preset_values(AUTO, "cloth_node"))

@@ -45,14 +45,14 @@ class Level:
 
 
 LEVELS: tuple[Level, ...] = (
-    Level(name="fast", sub_steps=9, search_every=9, steps=1, cost=0.52),
-    Level(name="12", sub_steps=12, search_every=12, steps=1, cost=0.56),
-    Level(name="18", sub_steps=18, search_every=18, steps=1, cost=0.62),
-    Level(name="18, 2 searches", sub_steps=18, search_every=9, steps=1, cost=0.75),
+    Level(name="fast", sub_steps=9, search_every=9, steps=1, cost=0.61),
+    Level(name="12", sub_steps=12, search_every=12, steps=1, cost=0.62),
+    Level(name="18", sub_steps=18, search_every=18, steps=1, cost=0.68),
+    Level(name="18, 2 searches", sub_steps=18, search_every=9, steps=1, cost=0.8),
     Level(name="balanced", sub_steps=18, search_every=6, steps=3, cost=1.0),
-    Level(name="27", sub_steps=27, search_every=9, steps=3, cost=1.12),
-    Level(name="36, 3 searches", sub_steps=36, search_every=12, steps=3, cost=1.3),
-    Level(name="accurate", sub_steps=36, search_every=6, steps=3, cost=1.6),
+    Level(name="27", sub_steps=27, search_every=9, steps=3, cost=1.15),
+    Level(name="36, 3 searches", sub_steps=36, search_every=12, steps=3, cost=1.33),
+    Level(name="accurate", sub_steps=36, search_every=6, steps=3, cost=1.71),
 )
 """What `garment-sim tradeoff --calibrate` measured where this was written."""
 START = "balanced"

@@ -1,14 +1,16 @@
 """A simulation that runs at the level which its frames' times ask for."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from typing import Any, Protocol
 
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.params import XpbdSettings
 from garment_sim_ros.sim.auto.controller import Change, Controller
-from garment_sim_ros.sim.auto.levels import LEVELS, START, Level
+from garment_sim_ros.sim.auto.levels import LEVELS, MOVED, START, Level
+from garment_sim_ros.sim.auto.own_front import own_levels
 from garment_sim_ros.sim.model import Parameters
 
 
@@ -56,6 +58,11 @@ class Pacer:
         self.changes = 0
         self.cause = "start"
         self.apply()
+
+    @classmethod
+    def of(cls, simulation: Paced, budget: float) -> "AbstractContextManager[Pacer | None]":
+        """One that times frames on the machine's own front; nothing where the budget is 0 [ms]."""
+        return cls(simulation, budget, levels=own_levels().levels) if budget else nullcontext()
 
     @property
     def number(self) -> int:
@@ -117,18 +124,18 @@ def check_solver(settings: Any) -> None:
         raise ParameterError("solver", "is not what preset auto moves", "allowed with it: xpbd")
 
 
-def check_unmoved(given: dict[str, Any], usual: dict[str, Any]) -> None:
+def check_unmoved(given: Mapping[str, Any], usual: Mapping[str, Any]) -> None:
     """See that nobody sets what levels move.
 
     Args:
         given: Parameters by name.
-        usual: Those of them that the preset says.
+        usual: What the preset says.
 
     Raises:
         ParameterError: One of `given` is another one than the preset says.
     """
-    for name, value in given.items():
-        if value != usual.get(name, value):
+    for name in MOVED:
+        if given.get(name) != usual.get(name):
             raise ParameterError(
                 name, "is what preset auto moves", "allowed: to leave it out, or another preset"
             )
