@@ -36,6 +36,7 @@ from garment_sim_ros.sim.solvers import SOLVERS
 
 FRAME, EVERY, SKIPPED = 1 / 60, 6, 30
 OUTFIT = "tshirt_short_skirt"
+POINTS = [name for name in PRESETS if name != "auto"]
 MARK = "#: "
 """What a line of a file's head begins with that this program writes."""
 
@@ -170,7 +171,7 @@ def commit() -> str:
 def main() -> None:
     """Measures and prints."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--preset", nargs="+", default=list(PRESETS), choices=PRESETS)
+    parser.add_argument("--preset", nargs="+", default=POINTS, choices=POINTS)
     parser.add_argument("--set", nargs="+", default=[], action="append", metavar="N.P=V")
     parser.add_argument("--clip", nargs="*", default=[])
     parser.add_argument("--body", default="mannequin")

@@ -37,7 +37,6 @@ def run_calibration() -> dict[str, Any]:
     print("level            sub-steps     ms  of balanced  stretch p95")
     for level, ms, strain in zip(LEVELS, cost, stretch):
         told = f"{taken[level.name]:.2f}" if level.name in taken else "not on the front"
-        print(
-            f"{level.name:<16} {level.sub_steps:>9} {ms:>6.2f} {told:>12} {100.0 * strain:>10.1f} %"
-        )
+        percent = f"{100.0 * strain:.1f} %"
+        print(f"{level.name:<16} {level.sub_steps:>9} {ms:>6.2f} {told:>12} {percent:>12}")
     return {"machine": machine(1), "levels": rows}

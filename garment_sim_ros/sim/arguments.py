@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.params import ClothNodeParameters, Environment, checked, declarations
 from garment_sim_ros.presets import preset_values
-from garment_sim_ros.sim.auto.pacer import check_unmoved
+from garment_sim_ros.sim.auto.pacer import check_solver, check_unmoved
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.placement import GarmentLike
 from garment_sim_ros.sim.solvers import SOLVERS
@@ -92,6 +92,7 @@ def numerics_of(
         settings=dataclasses.replace(numbers, **of_solver),
     )
     if budget:
+        check_solver(parameters.settings)
         check_unmoved({"solver_step": step, **vars(parameters.settings)}, usual)
     return Numerics(solver, step, parameters, budget)
 

@@ -9,6 +9,7 @@ import numpy as np
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.avatar import Avatar
 from garment_sim_ros.contact.shapes import ColliderPoses
+from garment_sim_ros.garment.outfit import Outfit
 from garment_sim_ros.params import XpbdSettings
 from garment_sim_ros.sim.auto.levels import LEVELS, Level
 from garment_sim_ros.sim.simulation import Simulation
@@ -29,16 +30,19 @@ class Walker:
 
     Args:
         avatar: The mannequin.
+        outfit: What it wears.
         level: The level.
         poses: Of its colliders, `STEPS` for each frame.
     """
 
-    def __init__(self, avatar: Avatar, level: Level, poses: list[ColliderPoses]) -> None:
+    def __init__(
+        self, avatar: Avatar, outfit: Outfit, level: Level, poses: list[ColliderPoses]
+    ) -> None:
         self._poses = poses
         self._at = 0
         self._whole = STEPS // level.steps
         self.simulation = Simulation(
-            avatar.dress("tshirt_short_skirt"),
+            outfit,
             avatar.colliders,
             preset="balanced",
             settings=level.settings(XpbdSettings()),
@@ -79,7 +83,10 @@ def calibrate(
     rate = _FRAMES * STEPS
     joints = avatar.joints("walk", rate, seconds=(frames + 1) / _FRAMES, repeat="loop")
     poses = [avatar.poses(T).copy() for T in joints]
-    walkers = [Walker(avatar, level, poses) for level in progress(LEVELS, "dressing", len(LEVELS))]
+    outfit = avatar.dress("tshirt_short_skirt")
+    walkers = [
+        Walker(avatar, outfit, level, poses) for level in progress(LEVELS, "dressing", len(LEVELS))
+    ]
     for _ in progress(range(frames), "measuring", frames):
         for walker in walkers:
             walker.frame()
