@@ -5,8 +5,8 @@
 Takes a minute. Speed is processor time of a frame over F, three sweeps of a plain C loop
 (`springs.c`) over the same garments' springs, timed in turns in the same run; accuracy is
 absolute. `drape` and `hung` are a sheet of 50 x 50 vertices on a ball and by two corners, at the
-settings of `balanced`; `fast`, `balanced` and `accurate` are the presets in the walk of the demo. A
-figure that is not a number, or missing, is worse than any limit. Exits with 1 where a figure is
+settings of `balanced`; `fast`, `balanced` and `accurate` are the presets in the walk of the demo.
+A figure that is not a number, or missing, is worse than any limit. Exits with 1 where a figure is
 beyond its limit.
 
 Limits of speed leave a third above what was measured, for other processors and busy machines;
