@@ -7,7 +7,7 @@ The three nodes of `garment-sim demo` run and are recorded, each preset in turn,
 With ``--busy N`` a loop that does nothing else keeps each of N cores busy meanwhile; with
 ``--free`` there is a run without, too. Late frames are those of the node's own count, of all
 frames after the first second: published more than half a period after they were due, or not at
-all. Prints, for each preset, the median and the range over the repeats; for `auto` also which
+all, over those that were due. Prints, for each preset, the median and the range over the repeats; for `auto` also which
 share of the frames ran at which level, and how often that changed.
 """
 
@@ -64,7 +64,7 @@ def run(preset: str, seconds: float, busy: int) -> dict[str, Any]:
     level = one.get("auto_level", np.zeros(0))[_SETTLING:].astype(int).tolist()
     return {
         "frames": len(late),
-        "late_percent": 100.0 * float(late[-1]) / len(late),
+        "late_percent": 100.0 * float(late[-1]) / (demo.RATE * seconds - _SETTLING),
         "step_ms": float(np.median(one["step_ms"][_SETTLING:])),
         "step_ms_p95": float(np.percentile(one["step_ms"][_SETTLING:], 95.0)),
         "strain_p95": float(np.median(whole)),
@@ -84,7 +84,7 @@ def in_words(name: str, runs: list[dict[str, Any]]) -> str:
         return f"{middle:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
 
     text = (
-        f"{name}: late {spread('late_percent')} % of {runs[0]['frames']} frames; step "
+        f"{name}: late {spread('late_percent')} %, {runs[0]['frames']} frames came; step "
         f"{spread('step_ms')} ms, p95 {spread('step_ms_p95')} ms; stretch p95 of a frame "
         f"{spread('strain_p95', 3)}; skipped {spread('skipped_s')} s; "
         f"pierced {spread('pierced', 3)}"
