@@ -7,8 +7,8 @@ The three nodes of `garment-sim demo` run and are recorded, each preset in turn,
 With ``--busy N`` a loop that does nothing else keeps each of N cores busy meanwhile; with
 ``--free`` there is a run without, too. Late frames are those of the node's own count, of all
 frames after the first second: published more than half a period after they were due, or not at
-all, over those that were due. Prints, for each preset, the median and the range over the repeats; for `auto` also which
-share of the frames ran at which level, and how often that changed.
+all, over those that were due. Prints, for each preset, the median and the range over the repeats;
+for `auto` also which share of the frames ran at which level, and how often that changed.
 """
 
 import argparse
