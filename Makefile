@@ -1,6 +1,6 @@
 # Needs Python 3.10 to 3.13 and make; everything else goes into .venv.
 .DEFAULT_GOAL := help
-.PHONY: help worn test test-slow test-machines test-colcon fuzz bench demo docs mannequin lint clean
+.PHONY: help front worn test test-slow test-machines test-colcon fuzz bench demo docs mannequin lint clean
 SHELL := /bin/bash
 
 # The first Python that is young enough and old enough.
@@ -47,6 +47,9 @@ fuzz: $(STAMP) ## Thousands of damaged files of every format; those that a reade
 
 bench: $(STAMP) ## Timing figures, as ratios within one run
 	@set -e; for file in bench/*.py; do echo "== $$file"; $(PY) $$file; done
+
+front: $(STAMP) ## Whether speed and accuracy are where they were: fails where they are worse (a minute)
+	$(PY) bench/front.py $(ARGS)
 
 worn: $(STAMP) ## Whether garments stay worn, on the shared bodies and clips (long)
 	$(PY) bench/worn.py $(ARGS)

@@ -38,6 +38,7 @@ from garment_sim_ros.sim.solvers import SOLVERS
 
 RATE, MEASURED, SKIPPED = 60.0, 0.1, 0.5
 OUTFIT = "tshirt_short_skirt"
+POINTS = [name for name in PRESETS if name != "auto"]
 MARK = "#: "
 """What a line of a file's head begins with that this program writes."""
 
@@ -200,7 +201,7 @@ def commit() -> str:
 def main() -> None:
     """Measures and prints."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--preset", nargs="+", default=list(PRESETS), choices=PRESETS)
+    parser.add_argument("--preset", nargs="+", default=POINTS, choices=POINTS)
     parser.add_argument("--set", nargs="+", default=[], action="append", metavar="N.P=V")
     parser.add_argument("--clip", nargs="*", default=[])
     parser.add_argument("--body", default="mannequin")

@@ -63,22 +63,62 @@ def cached_arrays(folder: str, key: str, make: Callable[[], Arrays]) -> dict[str
         key: All that the result depends on, code included; see `code_digest`.
         make: Makes the arrays.
     """
-    try:
-        file = user_cache(folder) / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.npz"
-    except RuntimeError:
-        return dict(make())
     with contextlib.suppress(Exception):  # whatever a damaged file makes its readers raise
-        arrays = _stored(file)
-        os.utime(file)
-        return arrays
+        if (found := kept_arrays(folder, key)) is not None:
+            os.utime(_file(folder, key))
+            return found
     arrays = dict(make())
-    with contextlib.suppress(OSError):
-        made = io.BytesIO()
-        np.savez(made, **arrays)  # type: ignore[arg-type]
-        data = made.getvalue()
+    keep_arrays(folder, key, arrays)
+    return arrays
+
+
+def kept_arrays(folder: str, key: str) -> dict[str, NDArray[Any]] | None:
+    """What was kept under a key; None where nothing was.
+
+    Args:
+        folder: Folder in the user's cache.
+        key: As it was kept.
+
+    Raises:
+        Exception: The file is damaged; whatever its readers raise.
+    """
+    try:
+        file = _file(folder, key)
+    except RuntimeError:
+        return None
+    return _stored(file) if file.exists() else None
+
+
+def keep_arrays(folder: str, key: str, arrays: Arrays) -> bool:
+    """Keep arrays under a key.
+
+    Args:
+        folder: Folder in the user's cache.
+        key: All that they depend on.
+        arrays: By name.
+
+    Returns:
+        Whether they could be written.
+    """
+    made = io.BytesIO()
+    np.savez(made, **arrays)  # type: ignore[arg-type]
+    data = made.getvalue()
+    try:
+        file = _file(folder, key)
         replace_file(file, data + hashlib.sha256(data).digest())
         keep_newest(file.parent.glob("*.npz"), _KEPT)
-    return arrays
+    except (OSError, RuntimeError):
+        return False
+    return True
+
+
+def _file(folder: str, key: str) -> Path:
+    """Where arrays are kept.
+
+    Raises:
+        RuntimeError: The user has no home.
+    """
+    return user_cache(folder) / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.npz"
 
 
 def _stored(file: Path) -> dict[str, NDArray[Any]]:

@@ -162,7 +162,11 @@ NODES: Mapping[str, NodeCard] = MappingProxyType(
                 name="cloth_node",
                 text="simulates an outfit on posed colliders and publishes the garments.",
                 sections=(
-                    Section(title="parameters", group=ClothNodeParameters, live=("delay",)),
+                    Section(
+                        title="parameters",
+                        group=ClothNodeParameters,
+                        live=("delay", "frame_budget_ms"),
+                    ),
                     Section(
                         title="outer forces",
                         group=Environment,

@@ -14,7 +14,7 @@ from garment_sim_ros.declaration import validated as validated
 from garment_sim_ros.solver_params import ImplicitSettings as ImplicitSettings
 from garment_sim_ros.solver_params import XpbdSettings as XpbdSettings
 
-PRESETS = ("fast", "balanced", "accurate", "sun2007", "gong2018")
+PRESETS = ("fast", "balanced", "accurate", "auto", "sun2007", "gong2018")
 """Names of sets of parameters; each has a file in ``config/presets``, see `presets`."""
 
 
@@ -355,6 +355,15 @@ class ClothNodeParameters:
         minimum=0.0,
         maximum=10.0,
         needs=(needs("step_on", "timer"),),
+    )
+    frame_budget_ms: float = parameter(
+        0.0,
+        "Longest time from when a frame is due until it is published, which preset auto keeps to "
+        "by moving the solver's settings. 0: 40 % of the period; a frame is late after 50 %.",
+        unit="ms",
+        minimum=0.0,
+        maximum=1e4,
+        needs=(needs("preset", "auto"), needs("step_on", "timer")),
     )
     teleport_speed: float = parameter(
         30.0,

@@ -23,7 +23,7 @@ ARGUMENTS = {
         "BVH file or rosbag2, or 'walk'; empty: no player, joint_states come from elsewhere.",
     ),
     "outfit": ("", "Outfit file; empty: a T-shirt and a short skirt."),
-    "preset": ("balanced", "fast, balanced, accurate, sun2007 or gong2018."),
+    "preset": ("balanced", "fast, balanced, accurate, auto, sun2007 or gong2018."),
     "set": ("", "NODE.PARAM=VALUE, several with ; between: these win over the preset."),
     "use_sim_time": ("false", "Follow /clock."),
     "publish_clock": ("false", "The player is the clock that the other nodes follow."),

@@ -17,6 +17,7 @@ from garment_sim_ros.params import (
 )
 from garment_sim_ros.presets import Choice, chosen
 from garment_sim_ros.sim.account import account, in_words
+from garment_sim_ros.sim.auto.own_front import own_levels
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers import SOLVERS
 
@@ -57,8 +58,17 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             solver_step=node.get("solver_step"),
         )
     )
+    own = own_levels()
+    if choice.preset == "auto":
+        told["front"] = {
+            "levels": {level.name: round(level.cost, 3) for level in own.levels},
+            "costs": own.told,
+        }
     for line in (*outfit.notes, *in_words(told)):
         print(line)
+    if "front" in told:
+        levels = ", ".join(f"{level.name} {level.cost:.2f}" for level in own.levels)
+        print(f"auto moves between {levels} of balanced's time; {own.told}")
     return {**told, "preset": choice.preset, "assumed": [*body.notes, *outfit.notes]}
 
 

@@ -12,6 +12,7 @@ from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
+from garment_sim_ros.cli.calibrate import run_calibration
 from garment_sim_ros.cli.progress import progress
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.collider_params import HULLS, METHODS
@@ -42,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--seconds", type=float, default=0.0, help="of each motion at most; 0: all")
     add("--repeats", type=_count, default=3, help="how often each motion is timed")
     add("--jobs", type=_count, default=1, help="processes; times hold with 1 alone")
+    add("--calibrate", action="store_true", help="this machine's own front, for preset auto")
     add("--list", action="store_true", help="name the scenes and run none")
 
 
@@ -58,6 +60,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         for name, scene in SCENES.items():
             print(f"{name}: {scene.text}" + (scene.absent and f" ({scene.absent})"))
         return {"scenes": list(SCENES)}
+    if args.calibrate:
+        return run_calibration()
     if args.out is None:
         raise ParameterError("--out", "not given", "needed: a folder to write into")
     scenes, skipped = _scenes(args.scene)

@@ -26,6 +26,7 @@ from garment_sim_ros.ros.diagnostics import Condition
 from garment_sim_ros.ros.dresser import Dressed, Dresser
 from garment_sim_ros.ros.garment_publishers import GarmentPublishers, GarmentQuality
 from garment_sim_ros.ros.lifecycle import ManagedNode
+from garment_sim_ros.ros.pace import Pace, check_pace
 from garment_sim_ros.ros.process import run
 from garment_sim_ros.ros.progress import reporting
 from garment_sim_ros.ros.rclpy_internals import PARTICIPANT, Taken
@@ -59,7 +60,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             on_change=self._change_forces,
         )
         self._settings = self.declare(
-            _settings_of(self.parameters.solver),
+            SOLVERS[self.parameters.solver].settings,
             check=lambda settings: self._try(self._environment.values, settings),
             on_change=self._change_forces,
         )
@@ -84,6 +85,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             ParameterError: A parameter is not allowed.
         """
         p = self.parameters
+        check_pace(self.preset, self._settings.values, p)
         if not p.body:
             raise ParameterError("body", "found nothing", "allowed: the wearer's file")
         outfit = p.outfit or DEFAULT_OUTFIT
@@ -145,9 +147,10 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             del self._dresser
 
     def parameters_changed(self, parameters: ClothNodeParameters) -> None:
-        """Take over another delay."""
+        """Take over another delay or budget."""
         if self._stepper is not None:
             self._stepper.delay = parameters.delay
+            self._pace.take(parameters)
 
     def _try(self, environment: Environment, settings: Any) -> None:
         """See whether values suit each other and the colliders.
@@ -156,6 +159,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             ParameterError: They do not.
         """
         check_wind(environment)
+        check_pace(self.preset, settings, self.parameters)
         if self._stepper is not None:
             self._stepper.simulation.check(Parameters(environment=environment, settings=settings))
 
@@ -178,6 +182,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         self._forces_are_new = False
         try:
             self._stepper.simulation.parameters = forces
+            self._pace.apply()
         except ParameterError as error:
             self.get_logger().warning(f"not used: {error}")
 
@@ -218,6 +223,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
                 "skipped_s": stepper.skipped / SECOND,
                 "input_period_ms": 1e3 * stepper.period / SECOND,
                 "solver_steps": stepper.steps,
+                **self._pace.figures(),
             },
         )
 
@@ -266,6 +272,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         except ParameterError as error:  # set while the garments were made
             raise MessageError(COLLIDER_DESCRIPTION.name, str(error)) from error
         self._stepper = ClothStepper.with_parameters(simulation, p)
+        self._pace = Pace(self._stepper, p, self.preset, self.get_logger().info)
         self._watch = dressed.watch
         self._qualities = [
             GarmentQuality(name, simulation, dressed.watch) for name in simulation.names
@@ -323,17 +330,20 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         stepper = self._stepper
         if stepper is None or not stepper.has_poses:
             return
+        self._pace.begin(self._ticker, due)
         self._take_over_forces()
         self._late_frames += ticks - 1 if self._frames else 0
         self._step_ms, moved = 0.0, False
         if not self._paused:
             try:
-                moved = self._advance(stepper.target(time.monotonic_ns()), in_time=True)
+                until = self._pace.look(stepper.target(time.monotonic_ns()))
+                moved = self._advance(until, in_time=True)
             except MessageError as error:
                 self.rejections.add(COLLIDER_POSES.name, error)
         if moved or self._poses.silent() <= self.parameters.stale_after:
             self._publish()
         self._late_frames += self._ticker.now() - due > self._ticker.period // 2
+        self._pace.end(moved=moved)
 
     def _advance(self, until: int, *, in_time: bool) -> bool:
         assert self._stepper is not None
@@ -356,6 +366,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             figures: dict[str, object] = {
                 **{"step_ms": self._step_ms, "late_frames": self._late_frames},
                 **{"coarse_s": stepper.coarse / SECOND, "skipped_s": stepper.skipped / SECOND},
+                **self._pace.figures(),
             }
             message = DiagnosticArray(
                 status=[q.status(figures, resets=stepper.resets) for q in self._qualities]
@@ -376,13 +387,6 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         response.success = True
         response.message = "the cloth stands still" if self._paused else "the cloth moves"
         return response
-
-
-def _settings_of(solver: str) -> type:
-    """A solver's group of parameters."""
-    if solver not in SOLVERS:
-        raise ParameterError("solver", f"found {solver!r}", f"allowed: {', '.join(SOLVERS)}")
-    return SOLVERS[solver].settings
 
 
 def main(argv: list[str] | None = None) -> int:

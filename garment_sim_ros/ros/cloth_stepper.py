@@ -87,6 +87,7 @@ class ClothStepper:
         self._most_lag = round(longest_lag * SECOND) // self._step
         self._is_late = False
         self._late_steps = 0
+        self._at_once: int | None = None
         self._jump = {"speed": teleport_speed, "turn_rate": teleport_turn_rate}
         self._on_teleport = on_teleport
         self._order = StampOrder(time_jump)
@@ -182,6 +183,17 @@ class ClothStepper:
         """Put the garments on anew at the next `advance`."""
         self._starts_anew = True
 
+    def take_at_once(self, steps: int) -> None:
+        """From now on this many steps are one of the simulation's, whose step somebody else sets.
+
+        He then also sees to it that garments that lag behind cost less: no steps are coarse.
+        """
+        self._at_once = steps
+
+    def due(self, until: int) -> int:
+        """How many steps there are up to a time [ns]."""
+        return 0 if self.time is None else (until - self.time) // self._step
+
     def target(self, now: int) -> int:
         """The time to simulate up to when it is `now` on the clock of arrivals [ns].
 
@@ -217,7 +229,7 @@ class ClothStepper:
         if self._carries:
             self._take_along(*self._buffer.newest)
             return True
-        steps = (until - self.time) // self._step
+        steps = self.due(until)
         self.is_behind = self.is_behind and in_time
         if self.is_behind:
             steps = self._catch_up(steps)
@@ -274,7 +286,8 @@ class ClothStepper:
         """Take so many steps; where they are coarse, some at once."""
         assert self.time is not None
         while steps > 0:
-            at_once = min(steps, _COARSE) if coarse else 1
+            at_once = self._at_once or (_COARSE if coarse else 1)
+            at_once = min(steps, at_once)
             steps -= at_once
             self.time += at_once * self._step
             self._buffer.at(self.time, self._next)
@@ -299,8 +312,11 @@ class ClothStepper:
         self._now, self._next = self._next, self._now
 
     def _move(self, steps: int) -> None:
-        if steps == 1:
+        if steps == 1 and self._at_once in (None, 1):
             self.simulation.advance(self._now, self._next)
+        elif self._at_once is not None:
+            self.simulation.advance(self._now, self._next, steps * self._step / SECOND)
+            self.coarse += steps * self._step
         else:
             self.simulation.advance_coarsely(self._now, self._next, steps)
             self.coarse += steps * self._step

@@ -6,11 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from garment_sim_ros.errors import ParameterError
-from garment_sim_ros.params import Environment, checked, declarations
+from garment_sim_ros.params import ClothNodeParameters, Environment, checked, declarations
 from garment_sim_ros.presets import preset_values
+from garment_sim_ros.sim.auto.pacer import check_solver, check_unmoved
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.placement import GarmentLike
 from garment_sim_ros.sim.solvers import SOLVERS
+
+_BUDGET = "frame_budget_ms"
 
 
 class OutfitLike(Protocol):
@@ -34,11 +37,13 @@ class Numerics(NamedTuple):
         solver: Name in `SOLVERS`.
         step: Longest step of the solver [s].
         parameters: Outer forces and the solver's settings.
+        budget: Longest time that preset auto lets a frame take [ms]; 0: it moves nothing.
     """
 
     solver: str
     step: float
     parameters: Parameters
+    budget: float
 
 
 def numerics_of(
@@ -64,6 +69,8 @@ def numerics_of(
     """
     if solver is not None and solver not in SOLVERS:
         raise ParameterError("solver", f"found {solver!r}", f"allowed: {', '.join(SOLVERS)}")
+    given = dict(given)
+    budget = _budget(preset, given.pop(_BUDGET, 0.0))
     usual = {} if preset is None else preset_values(preset, "cloth_node", solver=solver or "")
     solver = solver or usual.get("solver", "xpbd")
     if step is None:
@@ -84,7 +91,22 @@ def numerics_of(
         environment=dataclasses.replace(forces, **of_forces),
         settings=dataclasses.replace(numbers, **of_solver),
     )
-    return Numerics(solver, step, parameters)
+    if budget:
+        check_solver(parameters.settings)
+        check_unmoved({"solver_step": step, **vars(parameters.settings)}, usual)
+    return Numerics(solver, step, parameters, budget)
+
+
+def _budget(preset: str | None, value: Any) -> float:
+    """The budget of a frame [ms].
+
+    Raises:
+        ParameterError: It is not allowed, or there is nothing to keep it with.
+    """
+    budget: float = checked(declarations(ClothNodeParameters)[_BUDGET], value)
+    if budget and preset != "auto":
+        raise ParameterError(_BUDGET, f"does nothing with preset {preset}", "allowed with: auto")
+    return budget
 
 
 def _of_preset(group: type, usual: Mapping[str, Any]) -> Any:

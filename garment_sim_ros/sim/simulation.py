@@ -11,6 +11,7 @@ from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError, MessageError, ParameterError
 from garment_sim_ros.params import Environment, ImplicitSettings, RelaxationSettings, XpbdSettings
 from garment_sim_ros.sim.arguments import OutfitLike, garments_of, numerics_of
+from garment_sim_ros.sim.auto.pacer import Pacer
 from garment_sim_ros.sim.by_name import ByName
 from garment_sim_ros.sim.garment_view import GarmentView
 from garment_sim_ros.sim.layers.pair import LayerPair
@@ -54,7 +55,7 @@ class Simulation(ByName):
         solver_step: Longest step that the solver takes at once [s]; where None that of the
             preset, else the solver's usual one.
         parameters: Single values of `Environment` and of the solver's settings by name; they
-            win over the groups.
+            win over the groups. With preset auto `frame_budget_ms`, too, which `step` keeps to.
 
     Raises:
         GeometryError: A garment or collider that cannot be simulated, or a frame that is missing.
@@ -73,7 +74,7 @@ class Simulation(ByName):
         solver_step: float | None = None,
         **parameters: Any,
     ) -> None:
-        solver, solver_step, asked = numerics_of(
+        solver, solver_step, asked, budget = numerics_of(
             preset, solver, solver_step, environment, settings, parameters
         )
         garments = garments_of(garments)
@@ -113,6 +114,7 @@ class Simulation(ByName):
         self._wind_on: dict[str, WindOnCloth] = {}
         self._wind = Wind(asked.environment)
         self.parameters = asked
+        self.pace = Pacer.of(self, budget)
 
     @property
     def parameters(self) -> Parameters:
@@ -208,7 +210,8 @@ class Simulation(ByName):
         if not self._is_on:
             self.reset(self.collider_set.poses() if poses is None else poses)
         else:
-            self.advance(self._at, self._at if poses is None else poses, dt)
+            with self.pace:
+                self.advance(self._at, self._at if poses is None else poses, dt)
 
     def transport(self, poses_start: ColliderPoses, poses_end: ColliderPoses) -> None:
         """Takes all garments along on a way of the body that is not simulated.

@@ -11,6 +11,7 @@ from typing import Any
 import numba
 import numpy as np
 
+from garment_sim_ros.sim.auto.own_front import processor
 from garment_sim_ros.tradeoff.front import front
 from garment_sim_ros.version import VERSION
 
@@ -31,22 +32,12 @@ def machine(jobs: int) -> dict[str, Any]:
         "python": platform.python_version(),
         "numpy": np.__version__,
         "numba": numba.__version__,
-        "processor": _processor(),
+        "processor": processor(),
         "cores": os.cpu_count(),
         "threads": numba.get_num_threads(),
         "jobs": jobs,
         "system": f"{platform.system()} {platform.release()}",
     }
-
-
-def _processor() -> str:
-    """Its name as Linux has it, or what Python knows."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
 
 
 class Kept:

@@ -6,6 +6,7 @@ Dresses the mannequin as the node does and lets it go through what a node meets:
 that jump, cloth that breaks. Prints a JSON list of kernels.
 """
 
+import dataclasses
 import json
 import sys
 
@@ -23,6 +24,7 @@ from garment_sim_ros.params import Environment
 from garment_sim_ros.recording import worn_watch
 from garment_sim_ros.ros.cloth_stepper import ClothStepper
 from garment_sim_ros.ros.compiler import Compiler, expected_scene
+from garment_sim_ros.sim.auto.levels import LEVELS
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers import SOLVERS
@@ -90,6 +92,17 @@ def main(asked) -> None:
         watch.wait()
         for name in simulation.names:
             simulation.normals(name)
+    if asked.get("auto"):
+        for level in LEVELS:
+            simulation.solver_step = level.solver_step
+            simulation.parameters = dataclasses.replace(
+                parameters, settings=level.settings(parameters.settings)
+            )
+            stepper.take_at_once(3 // level.steps)
+            for _ in range(4):
+                stamp += SECOND // 60
+                stepper.add(stamp, poses, stamp)
+                stepper.advance(stamp)
     for share in (1, None):
         for name in simulation.names:
             simulation.state(name).x[:share] = np.nan

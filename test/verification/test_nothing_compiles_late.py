@@ -28,6 +28,7 @@ def scene(*garments, method="capsules", **asked):
 
 SCENES = {
     "plain": scene(SHIRT, SKIRT),
+    "auto": scene(SHIRT, HELD, auto=True),
     "held": scene(HELD),
     "soft": scene(SOFT),
     "layers, self-collision, wind": scene(SHIRT, OVER, environment=WINDY),
@@ -46,7 +47,7 @@ SCENES = {
     "sdf": scene(SKIRT, method="sdf"),
     "mesh": scene(SKIRT, method="mesh", solver="relaxation"),
 }
-QUICK = ("plain", "layers, self-collision, wind")
+QUICK = ("auto", "plain", "layers, self-collision, wind")
 
 
 @pytest.mark.parametrize(
