@@ -40,19 +40,35 @@ def joint_rotations(humanoid_bone: str, along: FloatArray) -> FloatArray:
     Returns:
         Rotation matrices in the bind pose's root frame, without the identity, shape [k, 3, 3].
     """
+    rotations = []
+    for azimuth in 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS:
+        limit = swing_limit(humanoid_bone, azimuth)
+        for share in _SHARES:
+            if limit * share > 3.0:
+                axis = swing_axis(along, azimuth)
+                rotations.append(Rotation.from_rotvec(axis * limit * share, degrees=True))
+    return np.array([r.as_matrix() for r in rotations]).reshape(-1, 3, 3)
+
+
+def swing_limit(humanoid_bone: str, azimuth: float) -> float:
+    """How far a bone swings to a side [degrees].
+
+    Args:
+        humanoid_bone: Key of `HUMANOID_BONES`, or another text for an unknown bone.
+        azimuth: From forward to the bone's side [rad].
+    """
     part = humanoid_bone.removeprefix("left").removeprefix("right")
     forward, backward, aside = _RANGES.get(part, _UNKNOWN)
+    to_front, to_side = np.cos(azimuth), np.sin(azimuth)
+    return float(np.hypot(to_front * (forward if to_front > 0.0 else backward), to_side * aside))
+
+
+def swing_axis(along: FloatArray, azimuth: float) -> FloatArray:
+    """The axis about which a bone along a unit direction swings to a side, shape [3]."""
     # Directions to swing to, across the bone; "forward" of a bone that points forward is up.
     ahead = np.array([0.0, 0.0, 1.0]) if abs(along[0]) > 0.95 else np.array([1.0, 0.0, 0.0])
     ahead = ahead - along * (along @ ahead)
     ahead /= np.linalg.norm(ahead)
     beside = np.cross(along, ahead)
-    rotations = []
-    for azimuth in 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS:
-        to_front, to_side = np.cos(azimuth), np.sin(azimuth)
-        limit = np.hypot(to_front * (forward if to_front > 0.0 else backward), to_side * aside)
-        for share in _SHARES:
-            if limit * share > 3.0:
-                axis = np.cross(along, to_front * ahead + to_side * beside)
-                rotations.append(Rotation.from_rotvec(axis * limit * share, degrees=True))
-    return np.array([r.as_matrix() for r in rotations]).reshape(-1, 3, 3)
+    axis: FloatArray = np.cross(along, np.cos(azimuth) * ahead + np.sin(azimuth) * beside)
+    return axis
