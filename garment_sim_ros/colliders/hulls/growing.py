@@ -22,13 +22,22 @@ from garment_sim_ros.colliders.report.fatness import Union
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.geometry.transforms import invert_transform, transform_from, transform_points
 
-_POSES = 48
+import os
+_POSES = int(os.environ.get("POSES", 48))
 """Poses of a round."""
-_ROUNDS = 2
-_OPEN = 0.001
+_ROUNDS = int(os.environ.get("ROUNDS", 2))
+import os
+_OPEN = float(os.environ.get("OPEN", 0.001))
 """Skin may leave the shapes by this [m]."""
 _FAR = 0.03
 """Farther from all hulls than this skin is left outside [m]."""
+
+
+import os
+_DEFL = 1.0
+_BYCOST = float(os.environ.get("BYCOST", 0.0))
+_WORTH = float(os.environ.get("WORTH", 0.03))
+_FAR = float(os.environ.get("FAR", _FAR))
 
 
 class _Grown(NamedTuple):
@@ -90,25 +99,39 @@ def _left(
     ]
     poser, skinner = ColliderPoser(colliders, body), Skinner(body.skin)
     union = Union(colliders, poser.poses(poses[0]))
-    found: dict[int, list[FloatArray]] = {}
+    skins, normals, frames, opens = [], [], [], []
     for T_world_joint in poses:
         placed = poser.poses(T_world_joint)
         union.move(placed)
-        skin = skinner.vertices(T_world_joint)[bends]
-        skin = skin[union.distance(skin) > _OPEN]
-        if len(skin) == 0:
-            continue
+        skins.append(skinner.vertices(T_world_joint)[bends].copy())
+        normals.append(skinner.normals()[bends].copy())
+        opens.append(union.distance(skins[-1]) > _OPEN)
         T_world_shape = transform_from(placed.position, placed.orientation)
-        seen = [
-            transform_points(T @ invert_transform(T_world_shape[h.at]), skin)
-            for T, h in zip(T_bind_shape, hulls)
-        ]
-        height = np.array([h.hull.height(x) for x, h in zip(seen, hulls)])
-        nearest = height.argmin(axis=0)
-        for k in np.unique(nearest):
-            mine = (nearest == k) & (height[k] < _FAR)
+        frames.append([T_world_shape[h.at] @ invert_transform(T) for T, h in zip(T_bind_shape, hulls)])
+    x, n, T_world_bind, is_open = np.array(skins), np.array(normals), np.array(frames), np.array(opens)
+    found: dict[int, list[FloatArray]] = {}
+    for t in range(len(poses)):
+        v = np.flatnonzero(is_open[t])
+        if len(v) == 0:
+            continue
+        cost = np.full((len(hulls), len(v)), np.inf)
+        seen = []
+        for k, h in enumerate(hulls):
+            T = T_world_bind[:, k]
+            q = transform_points(invert_transform(T[t]), x[t, v])
+            seen.append(q)
+            height = h.hull.height(q)
+            near = height < _FAR
+            if not near.any():
+                continue
+            world = np.einsum("pij,vj->pvi", T[:, :3, :3], q[near]) + T[:, None, :3, 3]
+            off = np.einsum("pvi,pvi->pv", world - x[:, v[near]], n[:, v[near]])
+            cost[k, near] = np.maximum(off, 0.0).mean(axis=0) * _BYCOST + (1-_BYCOST) * height[near]
+        best = cost.argmin(axis=0)
+        for k in np.unique(best):
+            mine = (best == k) & (cost[k] < _WORTH)
             if mine.any():
-                inwards = _inwards(hulls[k].hull, seen[k][mine], settings.delta + _OPEN)
+                inwards = _inwards(hulls[k].hull, seen[k][mine], settings.delta * _DEFL + _OPEN)
                 found.setdefault(hulls[k].at, []).append(inwards)
     return {at: np.concatenate(points) for at, points in found.items()}
 
