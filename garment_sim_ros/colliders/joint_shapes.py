@@ -30,16 +30,15 @@ SHARE = 0.5
 """Share of the joint's rotation that a joint's sphere takes part in."""
 _BANDS = ((0.25, 0.75), (0.05, 0.45), (0.55, 0.95), (0.4, 0.6), (0.1, 0.3), (0.7, 0.9))
 """Weights of the lower bone between which skin belongs to one hull of a joint."""
-import os
-_COVERED = float(os.environ.get("COVERED",0.008))
+_COVERED = 0.008
 """Skin that leaves the colliders by less than this needs no further one [m]."""
 _OVER = 0.003
 """How far a joint's sphere may stand over the skin nearest to it [m]."""
-_ENOUGH = float(os.environ.get("ENOUGH",0.4))
+_ENOUGH = 0.4
 """A sphere is worth it if it leaves at most this share of the squared gaps open."""
-_FAT = float(os.environ.get("FATW",0.25))
+_FAT = 0.25
 """What a square of standing over the skin counts against a square of gap closed."""
-_GAIN = float(os.environ.get("GAIN",0.2))
+_GAIN = 0.1
 """A hull is worth it if its gain is at least this share of the squared gaps."""
 _SAMPLES = 120
 """Most skin points that are moved through a joint's range."""

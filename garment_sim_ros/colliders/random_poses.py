@@ -27,10 +27,8 @@ _TWIST = {
     "UpperLeg": 30.0,
 }
 """Degrees that a bone turns about itself to each side, by humanoid bone without its side."""
-_TRUNK = {"spine": 0.6, "chest": 0.6, "upperChest": 0.3}
+_USED = {"spine": 0.7, "chest": 0.7, "upperChest": 0.35}
 """Share of their range that joints of the trunk use, as all turn at once."""
-_SCALE = 1.0
-_TW = 1.0
 _BEHIND = 0.6
 """How far an upper arm points backwards at most: the part of its unit direction."""
 _ACROSS = 0.7
@@ -92,14 +90,14 @@ def _along(body: Body, bones: MajorBones, rest: FloatArray) -> FloatArray:
 def _turn(bone: str, along: FloatArray, rng: np.random.Generator) -> FloatArray:
     """A random turn of a bone that points along a unit direction, as a rotation vector [rad]."""
     part = bone.removeprefix("left").removeprefix("right")
-    most = np.radians(_TWIST.get(part, 0.0))*_TW
+    most = np.radians(_TWIST.get(part, 0.0))
     twist = Rotation.from_rotvec(along * rng.uniform(-most, most))
     if part == "UpperArm":
         swing = _raised(bone.startswith("left"), along, rng)
     else:
         azimuth = rng.uniform(0.0, 2.0 * np.pi)
-        limit = np.radians(swing_limit(part, azimuth)) * _TRUNK.get(part, 1.0)
-        swing = swing_axis(along, azimuth) * limit * rng.uniform() * _SCALE
+        limit = np.radians(swing_limit(part, azimuth)) * _USED.get(part, 1.0)
+        swing = swing_axis(along, azimuth) * limit * rng.uniform()
     turn: FloatArray = (Rotation.from_rotvec(swing) * twist).as_rotvec()
     return turn
 

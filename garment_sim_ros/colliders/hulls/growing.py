@@ -1,8 +1,9 @@
 """Hulls grown to the skin that leaves all of them when a body moves.
 
-Skin that several bones move leaves their hulls, and the shapes at joints, by some millimetres. Over
-random poses within the joints' range each such point is given to the hull that it is nearest to,
-as it lies there in the hull's own frame.
+Skin that several bones move leaves the hulls of these bones, and the shapes at joints, by some
+millimetres: too little for a shape of its own, enough to show through cloth that lies on the
+shapes. Over random poses within the joints' range each such point goes into the hull that it is
+nearest to, as it lies there in that hull's own frame.
 """
 
 from collections.abc import Sequence
@@ -22,30 +23,25 @@ from garment_sim_ros.colliders.report.fatness import Union
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.geometry.transforms import invert_transform, transform_from, transform_points
 
-import os
-_POSES = int(os.environ.get("POSES", 48))
+_ROUNDS = 2
+"""Each has other poses, and looks for what the hulls of the one before still leave open."""
+_POSES = 48
 """Poses of a round."""
-_ROUNDS = int(os.environ.get("ROUNDS", 2))
-import os
-_OPEN = float(os.environ.get("OPEN", 0.001))
+_OPEN = 0.001
 """Skin may leave the shapes by this [m]."""
-_FAR = 0.03
-"""Farther from all hulls than this skin is left outside [m]."""
+_FAR = 0.015
+"""Skin farther from all hulls than this is left outside [m]: a hull would stand off like a wing."""
+_RIGID = 0.999
+"""Skin of which one moving part has this share of the weight stays in its hull."""
 
 
-import os
-_DEFL = 1.0
-_BYCOST = float(os.environ.get("BYCOST", 0.0))
-_WORTH = float(os.environ.get("WORTH", 0.03))
-_FAR = float(os.environ.get("FAR", _FAR))
-
-
-class _Grown(NamedTuple):
-    """A hull that can grow, and its place among all shapes."""
+class _Growing(NamedTuple):
+    """A hull that can grow, its place among all shapes, and the way to where it was made."""
 
     at: int
     hull: Hull
     content: Content
+    T_bind_shape: FloatArray
 
 
 def grown(body: Body, made: Sequence[Made], settings: HullSettings) -> list[Made]:
@@ -57,12 +53,12 @@ def grown(body: Body, made: Sequence[Made], settings: HullSettings) -> list[Made
         settings: How hulls are made.
     """
     result = list(made)
-    bends = _bending(body)
-    if len(bends) == 0:
-        return result
     for number in range(_ROUNDS):
         poses = random_poses(body, _POSES, seed=number)
-        for at, points in _left(body, result, poses, bends, settings).items():
+        bends = _bending(body, poses)
+        if len(bends) == 0:
+            break
+        for at, points in _open_points(body, result, poses, bends, settings.delta).items():
             content = result[at].content
             assert content is not None
             inner = convex_hull(np.vstack([content.inner.vertices, points]))
@@ -70,69 +66,60 @@ def grown(body: Body, made: Sequence[Made], settings: HullSettings) -> list[Made
     return result
 
 
-def _bending(body: Body) -> LongArray:
-    """Vertices that more than one joint moves."""
-    return np.flatnonzero(body.skin.weight.max(axis=1) < 0.999)
+def _bending(body: Body, poses: FloatArray) -> LongArray:
+    """Vertices that joints move which turn against each other."""
+    part = np.arange(len(body.rig.parent))
+    for j, above in enumerate(body.rig.parent):
+        if above >= 0:
+            local = invert_transform(poses[:, above]) @ poses[:, j]
+            if np.abs(local - local[0]).max() < 1e-6:
+                part[j] = part[above]
+    weight = np.zeros((len(body.skin.vertices), len(part)))
+    rows = np.repeat(np.arange(len(weight)), body.skin.bone.shape[1])
+    np.add.at(weight, (rows, part[body.skin.bone].ravel()), body.skin.weight.ravel())
+    return np.flatnonzero(weight.max(axis=1) < _RIGID)
 
 
-def _left(
-    body: Body,
-    made: Sequence[Made],
-    poses: FloatArray,
-    bends: LongArray,
-    settings: HullSettings,
+def _growing(made: Sequence[Made]) -> list[_Growing]:
+    hulls = []
+    for at, one in enumerate(made):
+        if one.hull is not None and one.content is not None:
+            T_bone_shape = transform_from(one.collider.position, one.collider.orientation)
+            T_bind_shape = invert_transform(one.content.T_bone_bind) @ T_bone_shape
+            hulls.append(_Growing(at, one.hull, one.content, T_bind_shape))
+    return hulls
+
+
+def _open_points(
+    body: Body, made: Sequence[Made], poses: FloatArray, bends: LongArray, delta: float
 ) -> dict[int, FloatArray]:
-    """Points that hulls are to contain, by shape, in the bind pose of the hull [m]."""
-    colliders = ColliderSet(colliders=tuple(one.collider for one in made), thickness=0.0)
-    hulls = [
-        _Grown(k, one.hull, one.content)
-        for k, one in enumerate(made)
-        if one.hull is not None and one.content is not None
-    ]
+    """What hulls are to contain, by shape, in the bind pose of the hull [m], shape [n, 3]."""
+    hulls = _growing(made)
     if not hulls:
         return {}
-    # From each shape's frame to the bind pose that its hull is given in.
-    T_bind_shape = [
-        invert_transform(h.content.T_bone_bind)
-        @ transform_from(made[h.at].collider.position, made[h.at].collider.orientation)
-        for h in hulls
-    ]
+    colliders = ColliderSet(colliders=tuple(one.collider for one in made), thickness=0.0)
     poser, skinner = ColliderPoser(colliders, body), Skinner(body.skin)
     union = Union(colliders, poser.poses(poses[0]))
-    skins, normals, frames, opens = [], [], [], []
+    found: dict[int, list[FloatArray]] = {}
     for T_world_joint in poses:
         placed = poser.poses(T_world_joint)
         union.move(placed)
-        skins.append(skinner.vertices(T_world_joint)[bends].copy())
-        normals.append(skinner.normals()[bends].copy())
-        opens.append(union.distance(skins[-1]) > _OPEN)
-        T_world_shape = transform_from(placed.position, placed.orientation)
-        frames.append([T_world_shape[h.at] @ invert_transform(T) for T, h in zip(T_bind_shape, hulls)])
-    x, n, T_world_bind, is_open = np.array(skins), np.array(normals), np.array(frames), np.array(opens)
-    found: dict[int, list[FloatArray]] = {}
-    for t in range(len(poses)):
-        v = np.flatnonzero(is_open[t])
-        if len(v) == 0:
+        skin = skinner.vertices(T_world_joint)[bends]
+        skin = skin[union.distance(skin) > _OPEN]
+        if len(skin) == 0:
             continue
-        cost = np.full((len(hulls), len(v)), np.inf)
-        seen = []
-        for k, h in enumerate(hulls):
-            T = T_world_bind[:, k]
-            q = transform_points(invert_transform(T[t]), x[t, v])
-            seen.append(q)
-            height = h.hull.height(q)
-            near = height < _FAR
-            if not near.any():
-                continue
-            world = np.einsum("pij,vj->pvi", T[:, :3, :3], q[near]) + T[:, None, :3, 3]
-            off = np.einsum("pvi,pvi->pv", world - x[:, v[near]], n[:, v[near]])
-            cost[k, near] = np.maximum(off, 0.0).mean(axis=0) * _BYCOST + (1-_BYCOST) * height[near]
-        best = cost.argmin(axis=0)
-        for k in np.unique(best):
-            mine = (best == k) & (cost[k] < _WORTH)
-            if mine.any():
-                inwards = _inwards(hulls[k].hull, seen[k][mine], settings.delta * _DEFL + _OPEN)
-                found.setdefault(hulls[k].at, []).append(inwards)
+        T_world_shape = transform_from(placed.position, placed.orientation)
+        seen = [
+            transform_points(h.T_bind_shape @ invert_transform(T_world_shape[h.at]), skin)
+            for h in hulls
+        ]
+        height = np.array([h.hull.height(x) for x, h in zip(seen, hulls)])
+        nearest = height.argmin(axis=0)
+        for k in np.unique(nearest):
+            mine = (nearest == k) & (height[k] < _FAR)
+            # A hull gains about delta over what it contains.
+            inwards = _inwards(hulls[k].hull, seen[k][mine], delta + _OPEN)
+            found.setdefault(hulls[k].at, []).append(inwards)
     return {at: np.concatenate(points) for at, points in found.items()}
 
 
