@@ -75,7 +75,7 @@ def random_poses(body: Body, count: int, *, seed: int = 0) -> FloatArray:
 
 
 def _along(body: Body, bones: MajorBones, rest: FloatArray) -> FloatArray:
-    """Unit direction of each major bone: from its joint to the middle of its skin, shape [m, 3]."""
+    """Unit directions of major bones: from the joint to the middle of its skin, shape [m, 3]."""
     owner = bone_weights(body.skin, bones).argmax(axis=1)
     along = np.tile([0.0, 0.0, 1.0], (len(bones), 1))
     for m, joint in enumerate(bones.joint):

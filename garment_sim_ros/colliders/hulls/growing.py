@@ -30,7 +30,7 @@ _POSES = 48
 _OPEN = 0.001
 """Skin may leave the shapes by this [m]."""
 _FAR = 0.015
-"""Skin farther from all hulls than this is left outside [m]: a hull would stand off like a wing."""
+"""Skin farther from all hulls than this is left outside [m]: hulls would stand off like wings."""
 _RIGID = 0.999
 """Skin of which one moving part has this share of the weight stays in its hull."""
 
@@ -67,7 +67,7 @@ def grown(body: Body, made: Sequence[Made], settings: HullSettings) -> list[Made
 
 
 def _bending(body: Body, poses: FloatArray) -> LongArray:
-    """Vertices that joints move which turn against each other."""
+    """Vertices of the skin's triangles that joints move which turn against each other."""
     part = np.arange(len(body.rig.parent))
     for j, above in enumerate(body.rig.parent):
         if above >= 0:
@@ -77,7 +77,8 @@ def _bending(body: Body, poses: FloatArray) -> LongArray:
     weight = np.zeros((len(body.skin.vertices), len(part)))
     rows = np.repeat(np.arange(len(weight)), body.skin.bone.shape[1])
     np.add.at(weight, (rows, part[body.skin.bone].ravel()), body.skin.weight.ravel())
-    return np.flatnonzero(weight.max(axis=1) < _RIGID)
+    used = np.unique(body.skin.triangles)
+    return used[weight[used].max(axis=1) < _RIGID].astype(np.int64)
 
 
 def _growing(made: Sequence[Made]) -> list[_Growing]:

@@ -127,9 +127,7 @@ def _hulls_of_region(
             inner = convex_hull(points)
         except GeometryError as error:
             capsule = capsule_around(name, bone, points, settings.delta, T_bone_bind)
-            yield Made(
-                capsule, ShapeFit(name=name, kind=CAPSULE.name, note=f"no hull: {error}")
-            )
+            yield Made(capsule, ShapeFit(name=name, kind=CAPSULE.name, note=f"no hull: {error}"))
             continue
         content = Content(name, bone, T_bone_bind, inner, points)
         yield made_hull(content, settings)
