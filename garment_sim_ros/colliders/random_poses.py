@@ -27,7 +27,7 @@ _TWIST = {
     "UpperLeg": 30.0,
 }
 """Degrees that a bone turns about itself to each side, by humanoid bone without its side."""
-_USED = {"spine": 0.7, "chest": 0.7, "upperChest": 0.35}
+_USED = {"spine": 0.7, "chest": 0.7}
 """Share of their range that joints of the trunk use, as all turn at once."""
 _BEHIND = 0.6
 """How far an upper arm points backwards at most: the part of its unit direction."""

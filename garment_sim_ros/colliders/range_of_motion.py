@@ -13,6 +13,7 @@ from garment_sim_ros.arrays import FloatArray
 _RANGES: dict[str, tuple[float, float, float]] = {
     "spine": (40.0, 15.0, 18.0),
     "chest": (40.0, 15.0, 18.0),
+    "upperChest": (16.0, 16.0, 16.0),
     "neck": (22.0, 22.0, 22.0),
     "head": (22.0, 22.0, 22.0),
     "UpperArm": (90.0, 50.0, 60.0),
@@ -21,6 +22,7 @@ _RANGES: dict[str, tuple[float, float, float]] = {
     "UpperLeg": (120.0, 30.0, 45.0),
     "LowerLeg": (0.0, 135.0, 0.0),
     "Foot": (20.0, 50.0, 20.0),
+    "Toes": (50.0, 25.0, 5.0),
 }
 """Degrees forward, backward and to each side, by humanoid bone without its side."""
 

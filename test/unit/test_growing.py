@@ -11,6 +11,7 @@ from garment_sim_ros.body.skin import Body, Skin
 from garment_sim_ros.collider_params import HullSettings
 from garment_sim_ros.colliders.hulls import growing
 from garment_sim_ros.colliders.hulls.hulls import fit_hulls
+from garment_sim_ros.colliders.random_poses import random_poses
 from garment_sim_ros.colliders.report.motion_report import SHOWS, motion_report, range_report
 from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.geometry.transforms import invert_transform
@@ -94,7 +95,8 @@ def test_skin_far_from_all_hulls_is_left_outside(monkeypatch):
     assert fit_hulls(body).colliders.revision == without(monkeypatch, body).revision
 
 
-def test_vertices_of_no_triangle_do_not_make_hulls_grow():
+def test_what_bends_is_skin_of_triangles_between_parts_that_turn():
+    """A vertex of no triangle would make hulls grow to nothing that is seen."""
     body = tube(blend=0.25)
     astray = dataclasses.replace(
         body.skin,
@@ -102,8 +104,9 @@ def test_vertices_of_no_triangle_do_not_make_hulls_grow():
         bone=np.vstack([body.skin.bone, [[0, 1]]]),
         weight=np.vstack([body.skin.weight, [[0.5, 0.5]]]),
     )
-    fit = fit_hulls(dataclasses.replace(body, skin=astray)).colliders
-    assert fit.revision == fit_hulls(body).colliders.revision
+    bends = growing._bending(dataclasses.replace(body, skin=astray), random_poses(body, 8))
+    inside = np.flatnonzero(np.abs(body.skin.vertices[:, 2]) < 0.124)
+    np.testing.assert_array_equal(bends, inside)
 
 
 def ball_body(radius, **weights):

@@ -29,8 +29,10 @@ _POSES = 48
 """Poses of a round."""
 _OPEN = 0.001
 """Skin may leave the shapes by this [m]."""
-_FAR = 0.015
+_FAR = 0.01
 """Skin farther from all hulls than this is left outside [m]: hulls would stand off like wings."""
+_GAINED = 0.3
+"""Share of delta that a hull is taken to gain over what it contains."""
 _RIGID = 0.999
 """Skin of which one moving part has this share of the weight stays in its hull."""
 
@@ -116,10 +118,10 @@ def _open_points(
         ]
         height = np.array([h.hull.height(x) for x, h in zip(seen, hulls)])
         nearest = height.argmin(axis=0)
-        for k in np.unique(nearest):
-            mine = (nearest == k) & (height[k] < _FAR)
-            # A hull gains about delta over what it contains.
-            inwards = _inwards(hulls[k].hull, seen[k][mine], delta + _OPEN)
+        near = height.min(axis=0) < _FAR
+        for k in np.unique(nearest[near]):
+            mine = near & (nearest == k)
+            inwards = _inwards(hulls[k].hull, seen[k][mine], _GAINED * delta + _OPEN)
             found.setdefault(hulls[k].at, []).append(inwards)
     return {at: np.concatenate(points) for at, points in found.items()}
 

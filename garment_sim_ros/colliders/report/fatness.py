@@ -108,8 +108,9 @@ def fatness(
 
     Returns:
         ``collider_to_skin_mm_mean``, ``_median``, ``_p95`` and ``_max`` over the union's surface,
-        positive outside the skin; ``volume_excess``, the union's volume over the skin's, less one; under
-        ``shapes`` the ``to_skin_mm_mean`` and ``_max`` of each that the union's surface shows.
+        positive outside the skin; ``volume_excess``, the union's volume over the skin's, less
+        one; under ``shapes`` the ``to_skin_mm_mean`` and ``_max`` of each that the union's
+        surface shows.
     """
     if colliders.has_skin:  # the skin itself
         return {**dict.fromkeys(_FIGURES, 0.0), "shapes": {}}
