@@ -1,12 +1,13 @@
 """Convex-hull colliders: the figures of Sun et al. measured, and hulls against capsules.
 
-    python bench/hulls.py [--data DIR] [--parts fig8 queries fits clips] [--json]
+    python bench/hulls.py [--data DIR] [--parts fig8 queries fits clips bare] [--json]
 
 ``fig8``: a model like theirs (508 triangles, mean edge 0.084, hull of 224 faces), simplified at
 several deltas and floors, and its outer map of 96 cells. ``queries``: nanoseconds per point of the
 ways to ask a hull. ``fits``: how fat hulls and capsules are on all bodies. ``clips``: how far the
-posed skin leaves both. Processor time of one thread, medians, after one warm-up. What collisions
-cost: `hull_contact.py`.
+posed skin leaves both. ``bare``: how much of it is outside of hulls by more than 2 mm, and how far
+these stand off the skin at rest. Processor time of one thread, medians, after one warm-up. What
+collisions cost: `hull_contact.py`.
 """
 
 import argparse
@@ -31,7 +32,7 @@ from garment_sim_ros.colliders.hulls.hull_simplify import Simplification, simpli
 from garment_sim_ros.colliders.hulls.hulls import fit_hulls
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.report.fatness import Union, fatness
-from garment_sim_ros.colliders.report.motion_report import motion_report
+from garment_sim_ros.colliders.report.motion_report import motion_report, range_report
 from garment_sim_ros.contact.distance import shape_distance
 from garment_sim_ros.contact.kinds.packed_hulls import hull_planes
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
@@ -54,6 +55,7 @@ BODIES = (
     "bodies/mh_proxy_female1605.obj",
     "bodies/makehuman/base.obj",
 )
+RIGGED = ("mannequin:height=1.5", *BODIES[:3], "mannequin:height=1.95", BODIES[-1])
 CLIPS = (
     "cmu_131_03_hop_spin",
     "cmu_14_14_jumping_jacks_30fps",
@@ -285,6 +287,27 @@ def clips(data: Path) -> dict[str, Any]:
     return results
 
 
+def bare(data: Path) -> dict[str, Any]:
+    """Skin that is 2 mm out of hulls: mean over 10 poses of each clip, and over the range."""
+    results = {}
+    for source in RIGGED:
+        body = load_body(source if source.startswith("mannequin") else data / source)
+        colliders = fit_hulls(body).colliders
+        rest = ColliderPoser(colliders, body).poses(invert_transform(body.skin.T_bone_bind))
+        fat = fatness(colliders, rest, body.skin.vertices, body.skin.triangles)
+        share = {"range": range_report(body, colliders)["bare_share"]}
+        for clip_name in CLIPS:
+            poses = clip_poses(load_clip(data / "mocap" / f"{clip_name}.bvh"), body, 10)
+            share[clip_name] = motion_report(body, colliders, poses)["bare_share"]
+        share["clips"] = float(np.mean([share[name] for name in CLIPS]))
+        figures = {name: value for name, value in fat.items() if name != "shapes"}
+        count = sum(c.kind != "frame" for c in colliders.colliders)
+        results[source] = {"shapes": count, "bare_share": share, **figures}
+        print(f"{Path(source).name}: {count} shapes, {figures}")
+        print("  bare: " + ", ".join(f"{name} {100 * s:.2f} %" for name, s in share.items()))
+    return results
+
+
 def main() -> None:
     """Measure what was asked for."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
@@ -296,6 +319,7 @@ def main() -> None:
         "queries": queries,
         "fits": lambda: fits(options.data),
         "clips": lambda: clips(options.data),
+        "bare": lambda: bare(options.data),
     }
     parser.add_argument("--parts", nargs="+", choices=parts, default=list(parts))
     parser.add_argument("--json", action="store_true", help="print one JSON object last")

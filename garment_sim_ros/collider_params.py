@@ -50,7 +50,7 @@ class HullSettings:
         needs=_ON_HULLS,
     )
     placement: str = parameter(
-        "quadric",
+        "volume",
         "Position of the vertices of a simplified hull. quadric: near the inflated hull; volume: "
         "least volume within reach.",
         choices=("quadric", "volume"),
@@ -89,7 +89,8 @@ class HullSettings:
     joints: str = parameter(
         "auto",
         "Colliders at joints. auto: spheres inside the skin that turn by half the joint's "
-        "rotation, and hulls where gaps remain; spheres: the paper's, which contain all skin that "
+        "rotation, hulls where gaps remain, and all hulls grown to skin that leaves them in "
+        "motion; spheres: the paper's, which contain all skin that "
         "bends; none.",
         choices=("auto", "spheres", "none"),
         needs=_ON_HULLS_AND_GRIDS,

@@ -13,7 +13,7 @@ from garment_sim_ros.collider_params import METHOD_ALIASES
 from garment_sim_ros.colliders.description import save_colliders
 from garment_sim_ros.colliders.fitting import METHODS, fitted
 from garment_sim_ros.colliders.report.fit_report import fit_report
-from garment_sim_ros.colliders.report.motion_report import motion_report
+from garment_sim_ros.colliders.report.motion_report import SHOWS, motion_report
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.declaration import Declaration
 from garment_sim_ros.mocap.clip_poses import clip_poses
@@ -120,6 +120,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         f"colliders over the skin by {report['inside_mm_median']:.1f} mm (median), "
         f"{100 * report['volume_excess']:.1f} % more volume"
     )
+    print(f"over the range of the joints: {_bare(report['range'])}")
     return {key: value for key, value in report.items() if key not in ("regions", "shapes")}
 
 
@@ -141,6 +142,16 @@ def _over_clip(body: Body, colliders: ColliderSet, source: str) -> dict[str, Any
         if figures:
             print(
                 f"{name}: skin outside by {figures['outside_mm_mean']:.4f} mm on average, "
-                f"at most {figures['outside_mm_max']:.1f} mm"
+                f"at most {figures['outside_mm_max']:.1f} mm; {_bare(figures)}"
             )
     return report
+
+
+def _bare(figures: dict[str, Any]) -> str:
+    """How much skin is out of the colliders by so much that it shows through cloth, and where."""
+    where = ", ".join(list(figures["bare_bones"])[:3])
+    return (
+        f"{100 * figures['bare_share']:.2f} % of the skin outside by more than "
+        f"{1e3 * SHOWS:g} mm (mean; at most {100 * figures['bare_share_max']:.2f} %)"
+        + (f", most at {where}" if where else "")
+    )

@@ -38,7 +38,7 @@ _ENOUGH = 0.4
 """A sphere is worth it if it leaves at most this share of the squared gaps open."""
 _FAT = 0.25
 """What a square of standing over the skin counts against a square of gap closed."""
-_GAIN = 0.2
+_GAIN = 0.1
 """A hull is worth it if its gain is at least this share of the squared gaps."""
 _SAMPLES = 120
 """Most skin points that are moved through a joint's range."""

@@ -78,4 +78,5 @@ def test_other_nodes_take_it(start_node, make_probe, until):
 def test_an_unknown_preset_ends_the_node_with_one_line(start_node):
     node = start_node("cloth_node", "/no_preset", preset="best")
     assert node.wait() == 2
-    assert node.output == "error: preset: found 'best'; allowed: fast, balanced, accurate, auto\n"
+    allowed = "fast, balanced, accurate, auto, sun2007, gong2018"
+    assert node.output == f"error: preset: found 'best'; allowed: {allowed}\n"

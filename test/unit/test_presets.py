@@ -135,7 +135,7 @@ def test_single_values_from_a_command_line(text, node, name, value):
 WRONG = [
     (
         ["--preset", "best"],
-        "preset: found 'best'; allowed: fast, balanced, accurate, sun2007, gong2018",
+        "preset: found 'best'; allowed: fast, balanced, accurate, auto, sun2007, gong2018",
     ),
     (["--set", "fast"], "--set: found 'fast'; allowed: NODE.PARAM=VALUE"),
     (["--set", "sub_step=1"], "--set: found 'sub_step=1'; allowed: NODE.PARAM=VALUE"),

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,15 +19,15 @@ from garment_sim_ros.body.skin import Body
 from garment_sim_ros.collider_params import HullSettings
 from garment_sim_ros.colliders.capsules.capsules import frame_colliders
 from garment_sim_ros.colliders.hulls.convex_parts import convex_parts
-from garment_sim_ros.colliders.hulls.hull import (
-    Hull,
-    clearance,
-    convex_hull,
-    inflate_planes,
-    inflate_vertices,
+from garment_sim_ros.colliders.hulls.growing import grown
+from garment_sim_ros.colliders.hulls.hull import Hull, convex_hull
+from garment_sim_ros.colliders.hulls.one_hull import (
+    Content,
+    Made,
+    ShapeFit,
+    capsule_around,
+    made_hull,
 )
-from garment_sim_ros.colliders.hulls.hull_placement import QUADRIC, VOLUME
-from garment_sim_ros.colliders.hulls.hull_simplify import Simplification, simplify_hull
 from garment_sim_ros.colliders.joint_shapes import (
     SHARE,
     BandHull,
@@ -43,13 +43,11 @@ from garment_sim_ros.colliders.joint_shapes import (
 )
 from garment_sim_ros.colliders.regions import Regions, region_surface, skin_regions
 from garment_sim_ros.contact.kinds.capsule import CAPSULE
-from garment_sim_ros.contact.kinds.hull import HULL
 from garment_sim_ros.contact.kinds.sphere import SPHERE
 from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
-from garment_sim_ros.geometry.obb import oriented_box
-from garment_sim_ros.geometry.transforms import quaternion_from_matrix, transform_points
+from garment_sim_ros.geometry.transforms import transform_points
 from garment_sim_ros.params import declarations, validated
 
 _T = TypeVar("_T")
@@ -57,41 +55,6 @@ _S = TypeVar("_S")
 
 _MOST_PARTS = 20
 """Most hulls for one region; a body without a rig is one region."""
-_ROUNDING = 1e-9
-"""Share by which an un-inflated hull grows."""
-_THICK = 3.0
-"""A hull with this many times the volume of what it holds is told of."""
-_NO_THINNER = 1e-3
-"""Radius that a capsule in the place of a flat region has at least [m]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ShapeFit:
-    """How one collider came about; lengths in metres, volumes in cubic metres.
-
-    Attributes:
-        name: The collider's.
-        kind: Its kind.
-        faces_before: Triangles of the hull before inflation, 0 for other kinds.
-        faces: Triangles of the collider, 0 for other kinds.
-        volume_before: Volume of the hull before inflation.
-        volume: Volume of the collider's hull.
-        clearance_min: What the worst face has gained over the un-inflated hull.
-        clearance_mean: What faces have gained on average.
-        outside: Skin points of its region that are outside it; 0 unless the fit is faulty.
-        note: What was done instead of a hull, or about a joint; empty for a plain hull.
-    """
-
-    name: str
-    kind: str
-    faces_before: int = 0
-    faces: int = 0
-    volume_before: float = 0.0
-    volume: float = 0.0
-    clearance_min: float = 0.0
-    clearance_mean: float = 0.0
-    outside: int = 0
-    note: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,28 +90,21 @@ def fit_hulls(
     total = sum(_volume(surface) for surface in surfaces)
     saving = max(settings.split * total, 1e-12)
 
-    def of_region(m: int) -> list[_OfRegion]:
-        return list(_hulls_of_region(body, regions, m, surfaces[m], saving, settings))
+    def of_region(m: int) -> list[tuple[int, Made]]:
+        made = _hulls_of_region(body, regions, m, surfaces[m], saving, settings)
+        return [(m, one) for one in made]
 
     fitted = _all(of_region, range(len(surfaces)))
-    hulls = [(one.region, one.hull) for one in fitted if one.hull is not None]
+    hulls = [(m, one.hull) for m, one in fitted if one.hull is not None]
     joints = _joint_colliders(body, regions, hulls, settings)
-    colliders = [one.collider for one in fitted] + [collider for collider, _ in joints]
-    shapes = [one.shape for one in fitted] + [shape for _, shape in joints]
-    frames = frame_colliders(major_bones(body))
+    made = [one for _, one in fitted] + joints
+    if settings.joints == "auto":
+        made = grown(body, made, settings)
+    colliders = (*(one.collider for one in made), *frame_colliders(major_bones(body)))
     return HullFit(
-        colliders=ColliderSet(colliders=(*colliders, *frames), thickness=thickness),
-        shapes=tuple(shapes),
+        colliders=ColliderSet(colliders=colliders, thickness=thickness),
+        shapes=tuple(one.shape for one in made),
     )
-
-
-class _OfRegion(NamedTuple):
-    """A collider of a region, and its hull if it is one."""
-
-    region: int
-    collider: Collider
-    shape: ShapeFit
-    hull: Hull | None
 
 
 def _hulls_of_region(
@@ -158,7 +114,7 @@ def _hulls_of_region(
     surface: FloatArray,
     saving: float,
     settings: HullSettings,
-) -> Iterator[_OfRegion]:
+) -> Iterator[Made]:
     if len(surface) == 0:
         return
     bone = regions.names[m]
@@ -170,13 +126,11 @@ def _hulls_of_region(
         try:
             inner = convex_hull(points)
         except GeometryError as error:
-            capsule = _capsule_around(name, bone, points, settings.delta, T_bone_bind)
-            shape = ShapeFit(name=name, kind=CAPSULE.name, note=f"no hull: {error}")
-            yield _OfRegion(m, capsule, shape, None)
+            capsule = capsule_around(name, bone, points, settings.delta, T_bone_bind)
+            yield Made(capsule, ShapeFit(name=name, kind=CAPSULE.name, note=f"no hull: {error}"))
             continue
-        hull = _fitted(inner, points, settings)
-        shape = _figures(name, inner, hull, points, _remark(inner, hull, settings))
-        yield _OfRegion(m, _collider(name, bone, hull, T_bone_bind), shape, hull)
+        content = Content(name, bone, T_bone_bind, inner, points)
+        yield made_hull(content, settings)
 
 
 def _volume(surface: FloatArray) -> float:
@@ -186,62 +140,15 @@ def _volume(surface: FloatArray) -> float:
         return 0.0
 
 
-def _fitted(inner: Hull, points: FloatArray, settings: HullSettings) -> Hull:
-    """Inflate and simplify; the result contains the points, verified."""
-    inflate = inflate_vertices if settings.inflation == "vertices" else inflate_planes
-    how = Simplification(
-        max_faces=settings.max_faces,
-        outside=settings.reach * settings.delta,
-        objective=QUADRIC if settings.placement == "quadric" else VOLUME,
-        triangles_only=settings.deletion == "triangles",
-    )
-    if settings.delta > 0.0:
-        start = inflate(inner, settings.delta)
-        for candidate in (simplify_hull(start, inner, how), start):
-            if not candidate.outside(points).any():
-                return candidate
-    # Without slack a point on a face may be outside by rounding.
-    middle = inner.vertices.mean(axis=0)
-    return Hull(middle + (inner.vertices - middle) * (1.0 + _ROUNDING), inner.faces)
-
-
-def _remark(inner: Hull, hull: Hull, settings: HullSettings) -> str:
-    """What did not go as asked for."""
-    if settings.delta == 0.0:
-        return "no delta: not inflated, not simplified"
-    remarks = []
-    if len(hull.faces) > settings.max_faces + 1:  # faces go in pairs
-        remarks.append(f"stopped at {len(hull.faces)} faces: fewer do not fit within the reach")
-    if hull.volume > _THICK * inner.volume:
-        remarks.append("delta makes it much thicker than what it holds")
-    return "; ".join(remarks)
-
-
-def _figures(name: str, inner: Hull, hull: Hull, points: FloatArray, note: str = "") -> ShapeFit:
-    gained = clearance(hull, inner)
-    return ShapeFit(
-        name=name,
-        kind=HULL.name,
-        faces_before=len(inner.faces),
-        faces=len(hull.faces),
-        volume_before=inner.volume,
-        volume=hull.volume,
-        clearance_min=float(gained.min()),
-        clearance_mean=float(gained.mean()),
-        outside=int(hull.outside(points).sum()),
-        note=note,
-    )
-
-
 def _joint_colliders(
     body: Body, regions: Regions, hulls: list[tuple[int, Hull]], settings: HullSettings
-) -> list[tuple[Collider, ShapeFit]]:
+) -> list[Made]:
     """A sphere, hulls that turn by a share, both or nothing for each joint."""
     if settings.joints == "none" or not hulls:
         return []
     skin = MeshDistance(body.skin.vertices, body.skin.triangles)
 
-    def of_joint(joint: Joint) -> list[tuple[Collider, ShapeFit]]:
+    def of_joint(joint: Joint) -> list[Made]:
         posed, height = gaps(joint, hulls)
         if settings.joints == "spheres":
             radius = holding_radius(joint)
@@ -261,7 +168,7 @@ def _joint_colliders(
         return made
 
     made = _all(of_joint, joints(body, regions, skin, settings.flexible))
-    return [(_inflated(collider, settings.delta), shape) for collider, shape in made]
+    return [one._replace(collider=_inflated(one.collider, settings.delta)) for one in made]
 
 
 def _all(of: Callable[[_T], Iterable[_S]], items: Iterable[_T]) -> list[_S]:
@@ -286,7 +193,7 @@ def _joint_sphere(
     radius: float,
     height: FloatArray,
     own: FloatArray,
-) -> tuple[Collider, ShapeFit]:
+) -> Made:
     bone = regions.names[joint.region]
     T_bone_bind = body.skin.T_bone_bind[regions.joint[joint.region]]
     sphere = Collider(
@@ -296,7 +203,8 @@ def _joint_sphere(
         position=transform_points(T_bone_bind, centre[None])[0],
         geometry={"radius": radius, "share": SHARE},
     )
-    return sphere, ShapeFit(name=sphere.name, kind=SPHERE.name, note=_opening(SHARE, height, own))
+    shape = ShapeFit(name=sphere.name, kind=SPHERE.name, note=_opening(SHARE, height, own))
+    return Made(sphere, shape)
 
 
 def _opening(share: float, height: FloatArray, own: FloatArray) -> str:
@@ -315,51 +223,15 @@ def _joint_hull(
     band: BandHull,
     note: str,
     settings: HullSettings,
-) -> tuple[Collider, ShapeFit]:
+) -> Made:
     bone = regions.names[joint.region]
-    name = f"joint_{bone}_{number}"
-    hull = _fitted(band.hull, band.hull.vertices, settings)
-    T_bone_bind = body.skin.T_bone_bind[regions.joint[joint.region]]
-    collider = _collider(name, bone, hull, T_bone_bind, share=band.share)
-    return collider, _figures(name, band.hull, hull, band.hull.vertices, note)
-
-
-def _collider(
-    name: str, bone: str, hull: Hull, T_bone_bind: FloatArray, share: float | None = None
-) -> Collider:
-    """A hull given in the bind pose as a collider in the frame of its oriented box."""
-    box = oriented_box(hull.vertices, hull.faces)
-    geometry: dict[str, object] = {"vertices": box.local(hull.vertices), "faces": hull.faces}
-    if share is not None:
-        geometry["share"] = share
-    return Collider(
-        name=name,
-        kind=HULL.name,
+    content = Content(
+        name=f"joint_{bone}_{number}",
         bone=bone,
-        position=transform_points(T_bone_bind, box.centre[None])[0],
-        orientation=quaternion_from_matrix(T_bone_bind[:3, :3] @ box.axes),
-        geometry=geometry,
+        T_bone_bind=body.skin.T_bone_bind[regions.joint[joint.region]],
+        inner=band.hull,
+        points=band.hull.vertices,
+        share=band.share,
+        note=note,
     )
-
-
-def _capsule_around(
-    name: str, bone: str, points: FloatArray, delta: float, T_bone_bind: FloatArray
-) -> Collider:
-    """A capsule that contains points which have no hull, along their longest axis."""
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    _, _, axes = np.linalg.svd(points - middle)
-    z = axes[0]
-    along = (points - middle) @ z
-    across = np.linalg.norm(points - middle - along[:, None] * z, axis=1)
-    radius = max(float(across.max()) + delta, _NO_THINNER)
-    x = axes[1]
-    frame = np.column_stack([x, np.cross(z, x), z])
-    start = middle + along.min() * z
-    return Collider(
-        name=name,
-        kind=CAPSULE.name,
-        bone=bone,
-        position=transform_points(T_bone_bind, start[None])[0],
-        orientation=quaternion_from_matrix(T_bone_bind[:3, :3] @ frame),
-        geometry={"radius0": radius, "radius1": radius, "length": float(np.ptp(along))},
-    )
+    return made_hull(content, settings)

@@ -26,7 +26,8 @@ _INSIDE = 1e-4
 """A point of a surface this deep in another shape is not on the union's surface [m]."""
 _REACH = 10.0
 _FIGURES = (
-    *("collider_to_skin_mm_mean", "collider_to_skin_mm_p95", "collider_to_skin_mm_max"),
+    *("collider_to_skin_mm_mean", "collider_to_skin_mm_median"),
+    *("collider_to_skin_mm_p95", "collider_to_skin_mm_max"),
     "volume_excess",
 )
 
@@ -106,9 +107,10 @@ def fatness(
         triangles: Skin triangles, shape [t, 3].
 
     Returns:
-        ``collider_to_skin_mm_mean``, ``_p95`` and ``_max`` over the union's surface, positive
-        outside the skin; ``volume_excess``, the union's volume over the skin's, less one; under
-        ``shapes`` the ``to_skin_mm_mean`` and ``_max`` of each that the union's surface shows.
+        ``collider_to_skin_mm_mean``, ``_median``, ``_p95`` and ``_max`` over the union's surface,
+        positive outside the skin; ``volume_excess``, the union's volume over the skin's, less
+        one; under ``shapes`` the ``to_skin_mm_mean`` and ``_max`` of each that the union's
+        surface shows.
     """
     if colliders.has_skin:  # the skin itself
         return {**dict.fromkeys(_FIGURES, 0.0), "shapes": {}}
@@ -120,6 +122,7 @@ def fatness(
     union_volume = union.volume(skin.min(axis=0) - 0.1, skin.max(axis=0) + 0.1)
     return {
         "collider_to_skin_mm_mean": round(float(distance.mean()), 3),
+        "collider_to_skin_mm_median": round(float(np.median(distance)), 3),
         "collider_to_skin_mm_p95": round(float(np.percentile(distance, 95.0)), 3),
         "collider_to_skin_mm_max": round(float(distance.max()), 3),
         "volume_excess": round(union_volume / max(volume, 1e-12) - 1.0, 4),

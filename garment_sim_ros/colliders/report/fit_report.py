@@ -14,6 +14,7 @@ from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.regions import bone_weights
 from garment_sim_ros.colliders.report.fatness import fatness
+from garment_sim_ros.colliders.report.motion_report import range_report
 from garment_sim_ros.colliders.report.surfaces import surface
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
@@ -34,7 +35,8 @@ def fit_report(body: Body, colliders: ColliderSet) -> dict[str, Any]:
         ``colliders`` (count by kind), ``outside_share`` (of the skin's area), ``outside_mm_p99``
         and ``outside_mm_max`` (how far skin sticks out), ``inside_mm_median``,
         ``inside_mm_p95`` and ``inside_mm_max`` (how far colliders reach over the skin), and for
-        the whole body and each of the ``shapes`` how fat they are (see `fatness`).
+        the whole body and each of the ``shapes`` how fat they are (see `fatness`); under
+        ``range`` how far skin is outside over the range of the joints (see `range_report`).
     """
     distance = skin_distance(body, colliders)
     area = vertex_areas(body.skin.vertices, body.skin.triangles)
@@ -53,6 +55,7 @@ def fit_report(body: Body, colliders: ColliderSet) -> dict[str, Any]:
             body.skin.triangles,
         ),
     }
+    report["range"] = range_report(body, colliders)
     report["regions"] = {
         name: {
             "vertices": int((owner == m).sum()),

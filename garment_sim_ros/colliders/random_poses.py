@@ -1,0 +1,119 @@
+"""Poses within the range of a body's joints, drawn at random: what fits are made and judged over.
+
+All joints turn at once. What a bone does is its own turn and those of all above it. In the trunk,
+the neck and the forearm the joints between two major bones share a turn, as retargeting has it.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.body.kinematics import rest_transforms
+from garment_sim_ros.body.major_bones import MajorBones, major_bones
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.colliders.range_of_motion import swing_axis, swing_limit
+from garment_sim_ros.colliders.regions import bone_weights
+
+_ALSO = ("leftToes", "rightToes")
+_SHARING = ("spine", "chest", "upperChest", "neck", "head")
+_TWIST = {
+    "spine": 15.0,
+    "chest": 15.0,
+    "upperChest": 5.0,
+    "neck": 30.0,
+    "head": 30.0,
+    "UpperArm": 45.0,
+    "LowerArm": 45.0,
+    "UpperLeg": 30.0,
+    "Foot": 30.0,
+}
+"""Degrees that a bone turns about itself to each side, by humanoid bone without its side."""
+_USED = {"spine": 0.7, "chest": 0.7}
+"""Share of their range that joints of the trunk use, as all turn at once."""
+_BEHIND = 0.6
+"""How far an upper arm points backwards at most: the part of its unit direction."""
+_ACROSS = 0.7
+"""How far an upper arm points to the other side at most."""
+
+
+def random_poses(body: Body, count: int, *, seed: int = 0) -> FloatArray:
+    """World transforms of a rig's joints in poses within its range, shape [count, n, 4, 4].
+
+    Args:
+        body: Rig and skin; its hips stay where they are.
+        count: Number of poses.
+        seed: Other numbers give other poses.
+    """
+    rng = np.random.default_rng(seed)
+    bones = major_bones(body, also=_ALSO)
+    bone_of = {joint: bone for bone, joint in body.humanoid.items()}
+    rest = rest_transforms(body.rig)
+    along = _along(body, bones, rest)
+    turn: dict[int, FloatArray] = {}
+    for m, name in enumerate(bones.names):
+        if bones.parent[m] < 0:
+            continue
+        bone = bone_of.get(name, "")
+        joint = int(bones.joint[m])
+        chain = [joint]
+        above = int(body.rig.parent[joint])
+        while bone in _SHARING and above != bones.joint[bones.parent[m]]:
+            chain.append(above)
+            above = int(body.rig.parent[above])
+        turns = np.array([_turn(bone, along[m], rng) for _ in range(count)]).reshape(-1, 3)
+        turn |= {j: Rotation.from_rotvec(turns / len(chain)).as_matrix() for j in chain}
+    motion = np.tile(np.eye(4), (count, len(rest), 1, 1))
+    for j, above in enumerate(body.rig.parent):
+        if above >= 0:
+            motion[:, j] = motion[:, above]
+        if j in turn:
+            local = np.tile(np.eye(4), (count, 1, 1))
+            local[:, :3, :3] = turn[j]
+            local[:, :3, 3] = rest[j, :3, 3] - turn[j] @ rest[j, :3, 3]
+            motion[:, j] = motion[:, j] @ local
+    poses: FloatArray = motion @ rest
+    return poses
+
+
+def _along(body: Body, bones: MajorBones, rest: FloatArray) -> FloatArray:
+    """Unit directions of major bones: from the joint to the middle of its skin, shape [m, 3]."""
+    owner = bone_weights(body.skin, bones).argmax(axis=1)
+    along = np.tile([0.0, 0.0, 1.0], (len(bones), 1))
+    for m, joint in enumerate(bones.joint):
+        own = body.skin.vertices[owner == m]
+        way = own.mean(axis=0) - rest[joint, :3, 3] if len(own) else np.zeros(3)
+        length = float(np.linalg.norm(way))
+        if length > 1e-6:
+            along[m] = way / length
+    return along
+
+
+def _turn(bone: str, along: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """A random turn of a bone that points along a unit direction, as a rotation vector [rad]."""
+    part = bone.removeprefix("left").removeprefix("right")
+    most = np.radians(_TWIST.get(part, 0.0))
+    twist = Rotation.from_rotvec(along * rng.uniform(-most, most))
+    if part == "UpperArm":
+        swing = _raised(bone.startswith("left"), along, rng)
+    else:
+        azimuth = rng.uniform(0.0, 2.0 * np.pi)
+        limit = np.radians(swing_limit(part, azimuth)) * _USED.get(part, 1.0)
+        swing = swing_axis(along, azimuth) * limit * rng.uniform()
+    turn: FloatArray = (Rotation.from_rotvec(swing) * twist).as_rotvec()
+    return turn
+
+
+def _raised(left: bool, along: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """A turn of an upper arm to any direction that a shoulder reaches."""
+    while True:
+        to = rng.normal(size=3)
+        to /= np.linalg.norm(to)
+        aside = to[1] if left else -to[1]
+        if to[0] < -_BEHIND or aside < -_ACROSS or (aside < 0.0 and to[0] < 0.3):
+            continue
+        axis = np.cross(along, to)
+        length = float(np.linalg.norm(axis))
+        if length < 1e-6:
+            continue
+        swing: FloatArray = axis / length * np.arctan2(length, float(along @ to))
+        return swing
