@@ -30,6 +30,9 @@ _COARSE = 3
 _CATCHING_UP = 3
 """Garments that were put on catch up within so many times the frames that it takes where the body
 stands still; a machine that is slower than that passes time over."""
+_IN_VAIN = 30
+"""Nor do they go on after so many frames in a row without coming nearer: garments that are not
+shown are worse than garments that passed time over."""
 
 
 class ClothStepper:
@@ -81,6 +84,7 @@ class ClothStepper:
         self.skipped = self.coarse = self.lag = 0
         self.is_behind = False
         self._frames_left: int | None = None
+        self._least_due = self._in_vain = 0
         self.delay = delay
         self._step = round(simulation.solver_step * SECOND)
         self._most_steps = max(1, round(catch_up * SECOND) // self._step)
@@ -263,8 +267,12 @@ class ClothStepper:
         """
         if self._frames_left is None:
             self._frames_left = _CATCHING_UP * -(-steps // self._most_steps)
+            self._least_due, self._in_vain = steps + 1, 0
         self._frames_left -= 1
-        self.is_behind = steps > self._most_steps and self._frames_left > 0
+        self._in_vain = 0 if steps < self._least_due else self._in_vain + 1
+        self._least_due = min(self._least_due, steps)
+        goes_on = self._frames_left > 0 and self._in_vain < _IN_VAIN
+        self.is_behind = steps > self._most_steps and goes_on
         return self._most_steps if self.is_behind else steps
 
     def _divide(self, steps: int) -> tuple[int, int]:

@@ -225,6 +225,21 @@ class TestClothStepper:
         assert stepper.skipped > 0
         assert stepper.time == frames * 50 * STEP
 
+    def test_a_machine_on_which_they_fall_back_shows_them_all_the_same(self, make):
+        """Putting on took a minute, and each frame takes longer than what it simulates."""
+        stepper = make(catch_up=0.05)
+        self.feed(stepper, 0, 0.0)
+        stepper.advance(0)
+        frames = 0
+        while stepper.is_behind:
+            frames += 1
+            now = 60_000 + 60 * frames
+            self.feed(stepper, now * STEP, frames * 0.001)
+            stepper.advance(now * STEP)
+        assert frames == 31
+        assert stepper.time == now * STEP
+        assert stepper.skipped > 0
+
     def test_garments_on_a_body_that_stands_still_are_shown_at_once(self, make):
         stepper = make(delay=0.02)
         self.feed(stepper, 0, 0.0)
