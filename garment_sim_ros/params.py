@@ -12,6 +12,7 @@ from garment_sim_ros.declaration import markdown_table as markdown_table
 from garment_sim_ros.declaration import parameter as parameter
 from garment_sim_ros.declaration import validated as validated
 from garment_sim_ros.solver_params import ImplicitSettings as ImplicitSettings
+from garment_sim_ros.solver_params import RelaxationSettings as RelaxationSettings
 from garment_sim_ros.solver_params import XpbdSettings as XpbdSettings
 
 PRESETS = ("fast", "balanced", "accurate", "auto", "sun2007", "gong2018")
@@ -140,41 +141,6 @@ class Environment:
         "Fraction of the root's rotation that the cloth feels; see root_linear_inertia.",
         minimum=0.0,
         maximum=1.0,
-    )
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class RelaxationSettings:
-    """Numerical parameters of the `relaxation` solver."""
-
-    sweeps: int = parameter(3, "Sweeps of spring correction per step.", minimum=1, maximum=1000)
-    contact: str = parameter(
-        "union",
-        "Contact method. union: particles are moved out of the union of all shapes; earliest: "
-        "each particle stops at its earliest hit (ellipsoids and spheres only), as in the second "
-        "paper; rays: shape after shape, each particle inside goes to the surface along the ray "
-        "from the inner origin or centre, and nothing else, as both papers begin (hulls, spheres "
-        "and ellipsoids only).",
-        choices=("union", "earliest", "rays"),
-    )
-    response: str = parameter(
-        "surface",
-        "Response to an earliest hit. surface: along the normal, with friction and restitution; "
-        "inelastic: along the normal, without either; reflection: along the ray from the centre.",
-        choices=("surface", "inelastic", "reflection"),
-        needs=(needs("contact", "earliest"),),
-    )
-    restitution: float = parameter(
-        0.0,
-        "Coefficient of restitution of an earliest hit.",
-        minimum=0.0,
-        maximum=1.0,
-        needs=(needs("contact", "earliest"), needs("response", "surface")),
-    )
-    extras: bool = parameter(
-        True,
-        "What the papers do not have: garments that are worn over each other are kept apart, and "
-        "those that limbs stay in are wound back.",
     )
 
 

@@ -36,9 +36,8 @@ _REPLAY = 2.0
 class Simulation(ByName):
     """Garments on one body, advanced by fixed steps.
 
-    Garments collide with the body, and with each other where they are in different layers (see
-    `layers`), with themselves where they ask for it. Positions are kept relative to a local
-    origin that follows the body, see `state`.
+    Garments collide with the body, with those in other layers (see `layers`), and with themselves
+    where they ask for it. Positions are relative to an origin that follows the body, see `state`.
 
     Attributes:
         solver: Name of the solver.
@@ -52,8 +51,7 @@ class Simulation(ByName):
         environment: Outer forces.
         settings: Numerical parameters of the solver.
         solver: Name in `SOLVERS`; where None that of the preset, else xpbd.
-        solver_step: Longest step that the solver takes at once [s]; where None that of the
-            preset, else the solver's usual one.
+        solver_step: Longest step taken at once [s]; None: the preset's, else the solver's usual.
         parameters: Single values of `Environment` and of the solver's settings by name; they
             win over the groups. With preset auto `frame_budget_ms`, too, which `step` keeps to.
 
@@ -151,9 +149,7 @@ class Simulation(ByName):
         check_contact(getattr(parameters.settings, "contact", ""), self.collider_set)
 
     def reset(self, poses: ColliderPoses, *, settle: bool = True) -> None:
-        """Puts every garment on and lets it settle on a pose, without a kick afterwards.
-
-        It is put on in its rest pose; the body then moves to the pose, see `putting_on`.
+        """Puts every garment on, moves the body to a pose (see `putting_on`), lets them settle.
 
         Args:
             poses: World poses of the colliders.
