@@ -25,7 +25,6 @@ _TWIST = {
     "UpperArm": 45.0,
     "LowerArm": 45.0,
     "UpperLeg": 30.0,
-    "Foot": 30.0,
 }
 """Degrees that a bone turns about itself to each side, by humanoid bone without its side."""
 _USED = {"spine": 0.7, "chest": 0.7}

@@ -83,9 +83,21 @@ def _bending(body: Body, poses: FloatArray) -> LongArray:
     return used[weight[used].max(axis=1) < _RIGID].astype(np.int64)
 
 
-def _growing(made: Sequence[Made]) -> list[_Growing]:
-    hulls = []
+def _above_the_collar(body: Body) -> set[str]:
+    """Bones from the neck on: thicker, their hulls would run through what lies around the neck."""
+    rig = body.rig
+    above: set[str] = set()
+    for name, parent in zip(rig.joint_names, rig.parent):  # parents first
+        if name == body.humanoid.get("neck") or (parent >= 0 and rig.joint_names[parent] in above):
+            above.add(name)
+    return above
+
+
+def _growing(body: Body, made: Sequence[Made]) -> list[_Growing]:
+    hulls, stays = [], _above_the_collar(body)
     for at, one in enumerate(made):
+        if one.collider.bone in stays:
+            continue
         if one.hull is not None and one.content is not None:
             T_bone_shape = transform_from(one.collider.position, one.collider.orientation)
             T_bind_shape = invert_transform(one.content.T_bone_bind) @ T_bone_shape
@@ -97,7 +109,7 @@ def _open_points(
     body: Body, made: Sequence[Made], poses: FloatArray, bends: LongArray, delta: float
 ) -> dict[int, FloatArray]:
     """What hulls are to contain, by shape, in the bind pose of the hull [m], shape [n, 3]."""
-    hulls = _growing(made)
+    hulls = _growing(body, made)
     if not hulls:
         return {}
     colliders = ColliderSet(colliders=tuple(one.collider for one in made), thickness=0.0)

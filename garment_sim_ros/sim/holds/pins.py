@@ -117,7 +117,7 @@ class Pins:
         bone = np.array([c.bone for c in colliders.colliders])
         gives = (side != PASSING) & (side != LET_GO) & known[shapes.collider, None]
         gives &= bone[shapes.collider][:, None] != bone[self.collider]
-        least = np.where(gives, np.float32(-_SPARED), _NEVER).astype(np.float32)
+        least = np.ascontiguousarray(np.where(gives, -_SPARED, _NEVER), np.float32)
         if gives.any():
             spare_rest(shapes, posed, np.ascontiguousarray(x, np.float32), least)
         self.least = least
