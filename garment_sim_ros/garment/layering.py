@@ -7,6 +7,7 @@ changed first, the inner garment's as far as the body leaves room, the outer one
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from garment_sim_ros.garment.letting_out import spread
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.geometry.triangles import area_vectors
 from garment_sim_ros.sim.placement import blend
 
@@ -119,7 +121,25 @@ def _let_out(outer: Cut, inner: Cut) -> Cut:
     """The outer garment over the inner one."""
     garment = outer.garment
     vertices = spread(garment.vertices, garment.triangles, _beyond(inner, outer, 1.0))
+    outer = replace(outer, garment=replace(garment, vertices=vertices))
+    # Its corners are over the inner one; vertices of that may still be through its triangles.
+    vertices = _lifted(outer, inner)
     return replace(outer, garment=replace(garment, vertices=vertices))
+
+
+def _lifted(outer: Cut, inner: Cut) -> FloatArray:
+    """Vertices of the outer garment, its triangles lifted over what the inner one has through."""
+    garment = outer.garment
+    surface = _Surface(outer, inner)
+    height, _, _, along, nearest = surface.beside(inner.garment.vertices)
+    through = along & (height > 0.0)
+    lift = np.zeros(len(garment.vertices))
+    gap = 0.5 * (garment.material.thickness + inner.garment.material.thickness)
+    for corner in garment.triangles[nearest[through]].T:
+        np.maximum.at(lift, corner, height[through] + gap)
+    normal = np.empty_like(garment.vertices)
+    vertex_normals(garment.vertices, garment.triangles, normal)
+    return garment.vertices + lift[:, None] * normal
 
 
 def _beyond(cut: Cut, mine: Cut, side: float) -> Callable[[FloatArray], FloatArray]:
@@ -128,7 +148,7 @@ def _beyond(cut: Cut, mine: Cut, side: float) -> Callable[[FloatArray], FloatArr
     gap = 0.5 * (cut.garment.material.thickness + mine.garment.material.thickness)
 
     def placed(x: FloatArray) -> FloatArray:
-        height, closest, normal, along = surface.beside(x)
+        height, closest, normal, along, _ = surface.beside(x)
         wrong = along & (side * height < gap)
         return np.where(wrong[:, None], closest + side * gap * normal, x)
 
@@ -154,23 +174,24 @@ class _Surface:
 
     def beside(
         self, x: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
+    ) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.integer[Any]]]:
         """Where points [n, 3] are beside it.
 
         Returns:
             Height over the nearest triangle [m], shape [n]; the point below, shape [n, 3]; the
-            triangle's normal, shape [n, 3]; and whether it is near and not past a border, shape
-            [n].
+            triangle's normal, shape [n, 3]; whether it is near and not past a border, shape [n];
+            and that triangle, shape [n].
         """
         _, closest, nearest = self._distance.signed_distance(x)
         normal = self._normal[nearest]
         way = x - closest
         height = np.einsum("ni,ni->n", way, normal)
         far = np.linalg.norm(way, axis=1)
-        return height, closest, normal, (far < _REACH) & (np.abs(height) >= _STRAIGHT * far)
+        along = (far < _REACH) & (np.abs(height) >= _STRAIGHT * far)
+        return height, closest, normal, along, nearest
 
 
 def _heights(cut: Cut, over: Cut) -> FloatArray:
     """How high a garment's vertices are over another one, those that lie along it [m]."""
-    height, _, _, along = _Surface(over, cut).beside(cut.garment.vertices)
+    height, _, _, along, _ = _Surface(over, cut).beside(cut.garment.vertices)
     return height[along]
