@@ -360,6 +360,11 @@ class ClothNodeParameters:
         minimum=0.05,
         maximum=1e6,
     )
+    on_time_jump: str = parameter(
+        "reset",
+        "Cloth where time starts anew. reset: put on again; keep: moved along with its folds.",
+        choices=("reset", "keep"),
+    )
     stale_after: float = parameter(
         1.0,
         "Time without poses after which the node is STALE and stops publishing garments.",

@@ -214,15 +214,9 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
                 "late_frames": self._late_frames,
                 "step_ms": self._step_ms,
                 **self._watch.figures()._asdict(),
-                "resets": stepper.resets,
+                **stepper.figures(),
                 **totals(health),
-                "teleports": stepper.teleports,
                 "outran_cloth": stepper.simulation.outran,
-                "lag_s": stepper.lag / SECOND,
-                "coarse_s": stepper.coarse / SECOND,
-                "skipped_s": stepper.skipped / SECOND,
-                "input_period_ms": 1e3 * stepper.period / SECOND,
-                "solver_steps": stepper.steps,
                 **self._pace.figures(),
             },
         )
@@ -235,6 +229,12 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             self._put_on(self._dresser.result())
         except MessageError as error:
             self.reject(COLLIDER_DESCRIPTION.name, error)
+        if self._ticker.stands_still():
+            self.take_inputs()
+            stepper = self._stepper
+            if stepper and stepper.has_poses and stepper.due(stepper.newest) > 0:
+                # Poses that came after the last tick of a clock that was paused, or steps.
+                self._tick(self._ticker.now(), 1)
 
     def _take_description(self, message: Taken) -> None:
         sender = message.publisher[:PARTICIPANT]
@@ -306,7 +306,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             return
         try:
             self._stepper.add(
-                message.stamp, message.poses, time.monotonic_ns(), new_sender=new_sender
+                message.stamp, message.poses, self._ticker.steady(), new_sender=new_sender
             )
         except MessageError as error:
             # Poses of colliders that the garments are being made for are no fault.
@@ -336,8 +336,9 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         self._step_ms, moved = 0.0, False
         if not self._paused:
             try:
-                until = self._pace.look(stepper.target(time.monotonic_ns()))
-                moved = self._advance(until, in_time=True)
+                is_over = self._ticker.stands_still()
+                until = stepper.newest if is_over else stepper.target(self._ticker.steady())
+                moved = self._advance(self._pace.look(until), in_time=True)
             except MessageError as error:
                 self.rejections.add(COLLIDER_POSES.name, error)
         if moved or self._poses.silent() <= self.parameters.stale_after:

@@ -49,6 +49,7 @@ class ClothStepper:
         on_teleport: What follows: "reset" puts the garments on anew, "keep" takes them along as
             they are, "ignore" simulates the way.
         time_jump: Stamps farther apart begin a new time [s].
+        on_time_jump: What follows, "reset" or "keep" as at a teleport.
         longest_lag: How far the garments may lag behind while they catch up [s].
 
     Attributes:
@@ -74,6 +75,7 @@ class ClothStepper:
         teleport_turn_rate: float,
         on_teleport: str,
         time_jump: float,
+        on_time_jump: str,
         longest_lag: float,
     ) -> None:
         self.simulation = simulation
@@ -93,7 +95,7 @@ class ClothStepper:
         self._late_steps = 0
         self._at_once: int | None = None
         self._jump = {"speed": teleport_speed, "turn_rate": teleport_turn_rate}
-        self._on_teleport = on_teleport
+        self._on_teleport, self._on_time_jump = on_teleport, on_time_jump
         self._order = StampOrder(time_jump)
         self._buffer = PoseBuffer()
         self._periods: deque[int] = deque(maxlen=_REMEMBERED)
@@ -117,6 +119,7 @@ class ClothStepper:
             "teleport_turn_rate": p.teleport_turn_rate,
             "on_teleport": p.on_teleport,
             "time_jump": p.time_jump,
+            "on_time_jump": p.on_time_jump,
             "longest_lag": p.longest_lag,
         }
         return cls(simulation, **{**values, **others})
@@ -145,6 +148,7 @@ class ClothStepper:
         if new_sender:
             self._order.begin(stamp)
         anew = new_sender or self._order.accept(stamp)
+        puts_on = anew
         if before is not None and not anew:
             self._periods.append(stamp - before)
             newest = self._buffer.newest[1]
@@ -152,26 +156,51 @@ class ClothStepper:
             time = (stamp - before) / SECOND
             if has_jumped(newest, poses, time, root=root, **self._jump):
                 self.teleports += 1
-                anew = self._on_teleport == "reset"
+                anew = puts_on = self._on_teleport == "reset"
                 self._is_unsteady = stamp - self._jumped < _UNSTEADY
                 self._jumped = stamp
                 if self._on_teleport == "keep":
                     self._carries = True
                     self._buffer.clear()
+        elif before is not None:
+            # Jumps of the time before say nothing of this one.
+            self._is_unsteady, self._jumped = False, stamp - _UNSTEADY
+            if not new_sender and self._on_time_jump == "keep":
+                self._carries, puts_on = True, False
         if anew:
-            self._starts_anew = True
+            self._starts_anew = self._starts_anew or puts_on
             self._periods.clear()
-            self._messages = 0
             self._buffer.clear()
         self._buffer.add(stamp, poses)
+        # Neither time nor clock need be those of the messages before.
+        if anew or abs(arrival - stamp - self._latency) > SECOND:
+            self._messages = 0
         self._messages += 1
         window = max(_FEWEST, _LATENCY_WINDOW / max(self.period, 1))
         self._latency += (arrival - stamp - self._latency) / min(self._messages, window)
+
+    def figures(self) -> dict[str, object]:
+        """What goes to diagnostics."""
+        return {
+            "resets": self.resets,
+            "teleports": self.teleports,
+            "time_jumps": self._order.jumps,
+            "lag_s": self.lag / SECOND,
+            "coarse_s": self.coarse / SECOND,
+            "skipped_s": self.skipped / SECOND,
+            "input_period_ms": 1e3 * self.period / SECOND,
+            "solver_steps": self.steps,
+        }
 
     @property
     def period(self) -> int:
         """Time between the latest poses [ns]; 0 while unknown."""
         return int(median(self._periods)) if self._periods else 0
+
+    @property
+    def newest(self) -> int:
+        """Stamp of the newest poses [ns]."""
+        return self._buffer.newest[0]
 
     @property
     def has_poses(self) -> bool:

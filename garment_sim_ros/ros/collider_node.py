@@ -120,7 +120,12 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         return Condition(
             text=f"no usable {JOINT_STATES.name} for {silent:.1f} s" if stale else text,
             stale=stale,
-            values={"poses": self._sent, "joints_missing": missing, "input_age_s": silent},
+            values={
+                "poses": self._sent,
+                "joints_missing": missing,
+                "input_age_s": silent,
+                "time_jumps": self._stamps.jumps,
+            },
         )
 
     def attend(self) -> None:

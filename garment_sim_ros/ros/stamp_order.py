@@ -5,25 +5,33 @@ from garment_sim_ros.stamps import SECOND
 
 BACKWARDS = "stamp_backwards"
 JUMP = "stamp_jump"
+_RUN = SECOND // 10
+_FEWEST = 3
+"""Old stamps that follow on each other are a time of their own once they are so many and cover so
+much [ns]: a clip that is shorter than a jump begins again, or a clock was set back a little."""
 
 
 class StampOrder:
     """Accepts increasing stamps, and a new time when two messages agree on it.
 
     One stray stamp far away is rejected. A clip or bag that begins again, or an input that comes
-    back after a while, is taken up with its second message.
+    back after a while, is taken up with its second message; one that goes back by less than a jump
+    once its messages have followed on each other for a moment, with no newer one between.
 
     Args:
         time_jump: Stamps farther apart belong to different times [s].
 
     Attributes:
         newest: The last accepted stamp [ns], None before the first.
+        jumps: New times that began, the first and those of other senders not counted.
     """
 
     def __init__(self, time_jump: float) -> None:
         self.newest: int | None = None
         self._limit = round(time_jump * SECOND)
+        self.jumps = 0
         self._elsewhere: int | None = None
+        self._old: list[int] = []
         self._was_away = False
 
     def excuse_gap(self) -> None:
@@ -33,7 +41,7 @@ class StampOrder:
     def begin(self, stamp: int) -> None:
         """Begin a new time with a stamp [ns]: it is another sender's."""
         self.newest = stamp
-        self._elsewhere, self._was_away = None, False
+        self._elsewhere, self._old, self._was_away = None, [], False
 
     def accept(self, stamp: int) -> bool:
         """Take a stamp [ns].
@@ -52,15 +60,27 @@ class StampOrder:
         step = stamp - self.newest
         if 0 < step <= self._limit or (was_away and step > 0):
             self.newest = stamp
+            self._old = []
             return False
         if -self._limit <= step <= 0:
-            raise MessageError(BACKWARDS, f"{1e-9 * step:+.3f} s from the newest; allowed: newer")
+            if self._old and stamp <= self._old[-1]:
+                self._old = []
+            self._old.append(stamp)
+            if len(self._old) < _FEWEST or stamp - self._old[0] < _RUN:
+                raise MessageError(
+                    BACKWARDS, f"{1e-9 * step:+.3f} s from the newest; allowed: newer"
+                )
+            return self._jump(stamp)
         if before is not None and 0 < stamp - before <= self._limit:
-            self.newest = stamp
-            return True
+            return self._jump(stamp)
         self._elsewhere = stamp
         raise MessageError(
             JUMP,
             f"{1e-9 * step:+.3f} s from the newest; allowed: to {1e-9 * self._limit:g} s, or "
             "farther with the next one",
         )
+
+    def _jump(self, stamp: int) -> bool:
+        self.begin(stamp)
+        self.jumps += 1
+        return True

@@ -23,7 +23,9 @@ _LOOK_PERIOD = SECOND // 10
 _LONGEST_LOOK = SECOND // 200
 """Then it goes on at the next look, however much there is to do [ns]."""
 _LOST = 10 * SECOND
-"""A grid so far in the past or future is left: the clock was set, or the machine slept [ns]."""
+"""A grid so far in the past is left: the clock was set, or the machine slept [ns]."""
+_STANDS = SECOND // 10
+"""A simulated clock that has not moved for so long stands still [ns]."""
 
 
 class Ticker:
@@ -54,6 +56,7 @@ class Ticker:
         self.destroy()
         self.is_simulated = simulated
         self._due = self.now() + self.period
+        self._seen = self.now(), time.monotonic_ns()
         if simulated:
             self._timer = self._node.create_timer(self.period / SECOND, self._tick)
 
@@ -61,15 +64,32 @@ class Ticker:
         """Time of the node's clock [ns]."""
         return int(self._node.get_clock().now().nanoseconds)
 
+    def stands_still(self) -> bool:
+        """Whether the clock is a simulated one that has not moved for a while: it is paused."""
+        now = self.now()
+        if now != self._seen[0]:
+            self._seen = now, time.monotonic_ns()
+        return self.is_simulated and time.monotonic_ns() - self._seen[1] > _STANDS
+
+    def steady(self) -> int:
+        """Now [ns], on a clock to average arrivals on: one that is not set, or as stamps are."""
+        return self.now() if self.is_simulated else time.monotonic_ns()
+
     def wait(self, longest: int) -> None:
         """Sleep until the next call is due, at most some time [ns], and make it."""
+        self._leave_a_lost_grid(self.now())
         ahead = self._due - self.now()
-        if ahead > longest and ahead < _LOST:
+        if ahead > longest:
             time.sleep(longest / SECOND)
         else:
-            if 0 < ahead < _LOST:
+            if ahead > 0:
                 time.sleep(ahead / SECOND)
             self._tick()
+
+    def _leave_a_lost_grid(self, now: int) -> None:
+        """Begin a new one where the clock was set: a call is due within a period, or was."""
+        if now - self._due > _LOST or self._due - now > 2 * self.period:
+            self._due = now
 
     def destroy(self) -> None:
         """Stop for good."""
@@ -79,8 +99,7 @@ class Ticker:
 
     def _tick(self) -> None:
         now = self.now()
-        if abs(now - self._due) > _LOST:
-            self._due = now
+        self._leave_a_lost_grid(now)
         # A timer comes a little early by its own reckoning, never by half a period.
         missed = max(0, (now - self._due + self.period // 4) // self.period)
         due = self._due + missed * self.period

@@ -38,6 +38,7 @@ class TestClothStepper:
             values = {
                 **{"delay": 0.0, "catch_up": 0.1, "time_jump": 1.0, "longest_lag": 0.0},
                 **{"teleport_speed": 30.0, "teleport_turn_rate": 105.0, "on_teleport": "reset"},
+                **{"on_time_jump": "reset"},
             }
             stepper = ClothStepper(simulation, **{**values, **options})
             stepper.moves = []
@@ -309,6 +310,35 @@ class TestClothStepper:
         self.feed(stepper, 31 * STEP, 0.76)
         stepper.advance(31 * STEP)
         np.testing.assert_allclose(stepper.moves, [(0.75, 0.76)], atol=1e-12)
+
+    def test_cloth_that_is_kept_goes_along_when_time_begins_again(self, make):
+        stepper = make(on_time_jump="keep")
+        for i in range(100, 130):
+            self.feed(stepper, i * STEP, 0.0)
+            stepper.advance(i * STEP)
+        x = stepper.simulation.positions("cloth").copy()
+        with pytest.raises(MessageError):
+            self.feed(stepper, 5 * SECOND, 0.5)
+        self.feed(stepper, 5 * SECOND + STEP, 0.75)
+        stepper.advance(5 * SECOND + STEP)
+        assert (stepper.figures()["time_jumps"], stepper.resets) == (1, 0)
+        assert stepper.time == 5 * SECOND + STEP
+        x[:, 0] += 0.75
+        assert stepper.simulation.positions("cloth") == pytest.approx(x, abs=1e-6)
+
+    def test_jumps_of_the_time_before_do_not_hold_up_the_next(self, make):
+        stepper = make()
+        for i in range(100):
+            self.feed(stepper, 50 * SECOND + i * STEP, float(i // 8))
+            stepper.advance(50 * SECOND + i * STEP)
+        assert stepper.teleports > 5
+        with pytest.raises(MessageError):
+            self.feed(stepper, SECOND, 0.0)
+        for i in range(1, 4):
+            self.feed(stepper, SECOND + i * STEP, 0.0)
+            stepper.moves.clear()
+            stepper.advance(SECOND + i * STEP)
+            assert stepper.moves == [("reset", 0.0) if i == 1 else (0.0, 0.0)]
 
     def test_a_jump_that_is_ignored_is_simulated(self, make):
         stepper = make(on_teleport="ignore")

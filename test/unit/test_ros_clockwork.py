@@ -1,5 +1,9 @@
 """Stamps, buffered poses and channels, without any node."""
 
+import contextlib
+import time
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -12,6 +16,7 @@ from garment_sim_ros.ros.conversions import StampedJoints
 from garment_sim_ros.ros.joint_channels import JointChannels
 from garment_sim_ros.ros.pose_buffer import PoseBuffer
 from garment_sim_ros.ros.stamp_order import StampOrder
+from garment_sim_ros.ros.ticker import Ticker
 
 SECOND = 10**9
 STEP = SECOND // 100
@@ -54,6 +59,64 @@ class TestStampOrder:
     def test_strays_that_do_not_agree_stay_strays(self):
         stamps = [5.0, 100.0, 50.0, 200.0, 5.1]
         assert self.reasons(stamps) == ["anew", *["stamp_jump"] * 3, "next"]
+
+    def test_a_clip_that_is_shorter_than_a_jump_begins_again(self):
+        clip = [5.0 + 0.02 * i for i in range(25)]
+        found = self.reasons([*clip, *clip])
+        assert found[:25] == ["anew", *["next"] * 24]
+        # Old ones until they have followed on each other for 0.1 s.
+        assert found[25:31] == [*["stamp_backwards"] * 5, "anew"]
+        assert set(found[31:]) == {"next"}
+
+    def test_old_ones_between_newer_ones_are_no_new_time(self):
+        late = [value for i in range(60) for value in (5.0 + 0.02 * i, 4.6 + 0.02 * i)]
+        found = self.reasons(late)
+        assert found[:2] == ["anew", "stamp_backwards"]
+        assert set(found[2::2]) == {"next"}
+        assert set(found[3::2]) == {"stamp_backwards"}
+
+    def test_few_old_ones_far_apart_are_none_either(self):
+        assert self.reasons([5.0, 4.2, 4.7, 5.1]) == ["anew", *["stamp_backwards"] * 2, "next"]
+
+    def test_new_times_are_counted(self):
+        order = StampOrder(1.0)
+        for seconds in (5.0, 5.1, 50.0, 50.1, 50.2, 49.9, 49.95, 50.0, 3.0, 3.1):
+            with contextlib.suppress(MessageError):
+                order.accept(round(seconds * SECOND))
+        assert order.jumps == 3
+        order.begin(0)
+        assert order.jumps == 3
+
+
+class _Clock:
+    """A machine's clock that can be set."""
+
+    def __init__(self):
+        self.ahead = 0
+
+    def now(self):
+        return SimpleNamespace(nanoseconds=time.monotonic_ns() + self.ahead)
+
+    def get_clock(self):
+        return self
+
+    def get_parameter(self, name):
+        return SimpleNamespace(value=False)
+
+
+class TestTicker:
+    @pytest.mark.parametrize("by", [-5.0, -1e6, 1e6])
+    def test_a_clock_that_is_set_does_not_hold_it_up(self, by):
+        clock, calls = _Clock(), []
+        ticker = Ticker(clock, 100.0, lambda due, ticks: calls.append((due, ticks)))
+        clock.ahead = round(by * SECOND)
+        began = time.monotonic_ns()
+        for _ in range(5):
+            ticker.wait(SECOND)
+        assert len(calls) == 5
+        for due, _ in calls:
+            assert abs(due - clock.ahead - began) < SECOND
+        assert all(ticks == 1 for _, ticks in calls[:1])
 
 
 class TestPoseBuffer:

@@ -72,6 +72,7 @@ def main(asked) -> None:
         on_teleport="keep",
         longest_lag=0.4,
         time_jump=1.0,
+        on_time_jump="reset",
     )
     rest = ColliderPoser(colliders, body).poses(rest_transforms(body.rig)).copy()
     worn_watch.warm_up()

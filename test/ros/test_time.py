@@ -1,0 +1,288 @@
+"""Time that is paused, stepped, slow, fast, or jumps: all nodes follow, and garments stay worn."""
+
+import contextlib
+import signal
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+from ros_input.clock_source import SECOND, ClockSource
+from ros_input.cloth import stamp_of
+
+from garment_sim_ros.ros.topics import GARMENT_POINTS, JOINT_STATES
+from garment_sim_ros.stamps import nanoseconds
+
+pytestmark = pytest.mark.ros
+STEP = SECOND / 180
+"""Of the solver [ns]."""
+PERIOD = SECOND // 60
+
+
+class Scene:
+    """The two nodes behind a source, in a simulated time or in the machine's."""
+
+    def __init__(self, namespace, start_node, make_probe, until, *, simulated=True, **parameters):
+        self.until = until
+        self.colliders = start_node("collider_node", namespace, use_sim_time=simulated)
+        self.cloth = start_node("cloth_node", namespace, use_sim_time=simulated, **parameters)
+        self.probe = make_probe(namespace)
+        self.points = self.probe.listen(GARMENT_POINTS, "skirt", raw=True)
+        self.source = ClockSource(self.probe)
+        self.follow()
+
+    def next(self, count=1):
+        """Stamps of the next frames [ns]."""
+        return np.array([stamp_of(data) for data in self.probe.next(self.points, count)])
+
+    def last(self):
+        """Stamp of the last frame [ns]."""
+        found = self.probe.received(self.points)
+        return stamp_of(found[-1]) if found else -1
+
+    def follow(self):
+        """Wait until the cloth is where the source is now."""
+        now = self.source.stamp
+        self.until(
+            lambda: now <= self.last() <= self.source.stamp,
+            f"the cloth follows the input from {now} on, it is at {self.last()}",
+        )
+
+    def value(self, key):
+        """A number of the cloth's diagnostics."""
+        return self.probe.value(self.cloth, key)
+
+    def fresh(self, node=None):
+        """The numbers of the diagnostics that come next, by name."""
+        node = node or self.cloth
+        before = self.probe.diagnostics(node)
+        self.until(lambda: self.probe.diagnostics(node) is not before, "diagnostics")
+        values = {}
+        for item in self.probe.diagnostics(node).values:
+            with contextlib.suppress(ValueError):
+                values[item.key] = float(item.value)
+        return values
+
+    def counts(self, key, expected, node=None):
+        """Wait until a number of the diagnostics is the expected one."""
+        node = node or self.cloth
+        self.until(
+            lambda: self.probe.value(node, key) == expected,
+            f"{key} of {node.name} is {expected:g}",
+        )
+
+    def assert_worn(self):
+        """No limb has ever been through a garment, and the nodes are well."""
+        assert self.fresh()["pierced"] == 0.0
+        for node in (self.colliders, self.cloth):
+            assert node.is_running
+            assert "Traceback" not in node.output
+
+    def end(self):
+        self.source.close()
+        for node in (self.colliders, self.cloth):
+            node.send(signal.SIGTERM)
+        for node in (self.colliders, self.cloth):
+            assert node.wait() == 0
+
+
+@pytest.fixture(scope="module")
+def scene(start_node, make_probe, until):
+    made = Scene("/time_reset", start_node, make_probe, until)
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def playing(scene):
+    """A scene at the usual rate."""
+    source = scene.source
+    source.rate, source.playing, source.loop, source.period = 1.0, True, None, PERIOD
+    source.late, source.swaps = 0, False
+    scene.follow()
+    yield scene
+    source.loop = None
+
+
+def test_pause_and_step(playing):
+    source = playing.source
+
+    def is_there():
+        return source.stamp - STEP < playing.last() <= source.stamp
+
+    source.playing = False
+    # All that came is simulated, then nothing moves.
+    playing.until(lambda: playing.last() > source.stamp - PERIOD - STEP, "the last pose")
+    before = playing.fresh()
+    assert playing.fresh()["solver_steps"] == before["solver_steps"]
+    for _ in range(3):
+        source.step()
+        playing.until(is_there, "the step's pose")
+    source.step(60)
+    playing.until(is_there, "the pose after 60 steps")
+    source.playing = True
+    playing.follow()
+    after = playing.fresh()
+    for key in ("time_jumps", "teleports", "resets"):
+        assert after[key] == before[key]
+    playing.assert_worn()
+
+
+@pytest.mark.parametrize("rate", [0.1, 3.0, 10.0])
+def test_rates(playing, rate):
+    source, jumps = playing.source, playing.value("time_jumps")
+    source.rate = rate
+    playing.follow()
+    stamps = playing.next(30)
+    assert (np.diff(stamps) >= 0).all()
+    assert stamps[-1] <= source.stamp
+    if rate < 1.0:
+        # In small steps: a frame is never much farther on than a frame's time.
+        assert np.diff(stamps).max() < 2.5 * PERIOD
+    source.rate = 1.0
+    playing.follow()
+    if rate < 10.0:  # a busy machine's stall of 0.1 s is a second of such a source's
+        assert playing.fresh()["time_jumps"] == jumps
+    playing.assert_worn()
+
+
+def jump(scene, by, *, keeps):
+    """Set the source's time, and see that the nodes have heard of it."""
+    colliders, cloth = scene.fresh(scene.colliders), scene.fresh()
+    scene.source.jump(round(by * SECOND))
+    scene.follow()
+    scene.counts("time_jumps", colliders["time_jumps"] + 1, scene.colliders)
+    scene.counts("time_jumps", cloth["time_jumps"] + 1)
+    assert scene.fresh()["resets"] == cloth["resets"] + (not keeps)
+
+
+def go_round(scene, length):
+    """Some rounds of a loop of so many seconds."""
+    source = scene.source
+    begin = source.stamp + SECOND
+    jumps = scene.fresh()["time_jumps"]
+    rounds, source.loop = source.rounds, (begin, begin + round(length * SECOND))
+    scene.until(lambda: source.rounds >= rounds + 3, "three rounds")
+    # The cloth may not have heard of the last round.
+    assert 2 <= scene.fresh()["time_jumps"] - jumps <= source.rounds - rounds
+    stamps = scene.next(30)
+    assert begin - PERIOD <= stamps.min()
+    assert stamps.max() <= source.loop[1]
+    source.loop = None
+    scene.follow()
+
+
+@pytest.mark.parametrize("by", [-20.0, -2.0, -0.5, 30.0])
+def test_jumps(playing, by):
+    jump(playing, by, keeps=False)
+    playing.assert_worn()
+
+
+@pytest.mark.parametrize("length", [0.8, 1.5])
+def test_loops_with_a_seam(playing, length):
+    go_round(playing, length)
+    playing.assert_worn()
+
+
+def test_cloth_that_is_kept_goes_along_with_every_jump(start_node, make_probe, until):
+    scene = Scene("/time_keep", start_node, make_probe, until, on_time_jump="keep")
+    for by in (-20.0, 30.0):
+        jump(scene, by, keeps=True)
+    go_round(scene, 0.8)
+    assert scene.fresh()["resets"] == 0.0
+    scene.assert_worn()
+    scene.end()
+
+
+def test_a_short_gap_is_no_jump(playing):
+    before = playing.fresh()
+    playing.source.jump(SECOND // 2)
+    playing.follow()
+    assert playing.fresh()["time_jumps"] == before["time_jumps"]
+    playing.assert_worn()
+
+
+@pytest.mark.parametrize("late", [0.3, -0.3])
+def test_late_and_early_messages(playing, late):
+    before = playing.fresh()
+    source = playing.source
+    source.late = round(late * SECOND)
+    now = source.stamp + max(0, -source.late)
+    playing.until(lambda: now < playing.last(), "the cloth follows")
+    stamps = playing.next(30)
+    assert stamps[-1] <= source.stamp - source.late
+    assert playing.fresh()["time_jumps"] == before["time_jumps"]
+    playing.assert_worn()
+
+
+def test_messages_out_of_order(playing):
+    before, rejected = playing.fresh(), "rejected.stamp_backwards"
+    old = playing.fresh(playing.colliders).get(rejected, 0.0)
+    playing.source.swaps = True
+    playing.until(
+        lambda: playing.probe.value(playing.colliders, rejected) > old + 60, "old ones are counted"
+    )
+    playing.follow()
+    after = playing.fresh()
+    for key in ("time_jumps", "resets", "teleports"):
+        assert after[key] == before[key]
+    playing.assert_worn()
+
+
+@pytest.mark.parametrize("rate", [10, 1000])
+def test_slow_and_fast_input(playing, rate):
+    source = playing.source
+    source.period = SECOND // rate
+    playing.until(
+        lambda: abs(playing.value("input_period_ms") * rate - 1000.0) < 1.0, "the period"
+    )
+    playing.follow()
+    stamps = playing.next(40)
+    assert stamps[-1] <= source.stamp
+    # With most frames, not with every message.
+    assert len(set(stamps.tolist())) > 20
+    playing.assert_worn()
+
+
+def test_a_source_that_dies_and_another_that_comes(playing, make_probe):
+    source, first = playing.source, playing.probe
+    for sender in (make_probe("/time_reset"), first):
+        source.sends = False
+        playing.until(
+            lambda: playing.probe.diagnostics(playing.cloth).message.startswith("no usable"),
+            "the silence on diagnostics",
+        )
+        source.probe, source.sends = sender, True
+        playing.follow()
+    playing.assert_worn()
+
+
+def test_the_player_follows_a_clock(playing, start_node, make_probe):
+    """Its stamps are those of the clock, wherever that jumps; it stands still with it."""
+    source = playing.source
+    node = start_node("mocap_player", "/time_player", use_sim_time=True, rate=100.0)
+    probe = make_probe("/time_player")
+    joints = probe.listen(JOINT_STATES)
+
+    def stamp():
+        found = probe.received(joints)
+        return nanoseconds(found[-1].header.stamp) if found else -1
+
+    def follows():
+        playing.until(lambda: abs(source.stamp - stamp()) < SECOND // 10, "the clock's time")
+
+    for by in (0.0, -3.0, 5.0, -100.0):
+        source.jump(round(by * SECOND))
+        follows()
+    source.playing = False
+    follows()
+    count = len(probe.received(joints))
+    playing.fresh()
+    assert len(probe.received(joints)) == count
+    source.step()
+    probe.next(joints)
+    source.playing, source.rate = True, 10.0
+    follows()
+    node.send(signal.SIGTERM)
+    assert node.wait() == 0
