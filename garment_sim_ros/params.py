@@ -183,6 +183,12 @@ class MocapPlayerParameters:
         needs=(needs("loop", True),),
     )
     publish_clock: bool = parameter(False, "Publish /clock, a simulated time that begins at 0.")
+    wait_for_subscribers: int = parameter(
+        0,
+        "Subscribers of joint_states that are waited for before the clip begins.",
+        minimum=0,
+        maximum=1000,
+    )
     frame_id: str = parameter("world", "Frame of the skeleton's root, z up.")
 
 
@@ -229,6 +235,19 @@ class ColliderNodeParameters(ColliderOptions, _Avatar):
 
     marker_rate: float = parameter(
         10.0, "Largest rate of collider_markers; 0: none.", unit="Hz", minimum=0.0, maximum=120.0
+    )
+    lossless: bool = parameter(
+        False,
+        "Pose every message, which is reproducible: none is dropped, and what comes before the "
+        "skeleton is read and collider_poses has its subscribers is kept until then. "
+        "joint_states have to be published reliably.",
+    )
+    wait_for_subscribers: int = parameter(
+        1,
+        "Subscribers of collider_poses that are waited for before the first is published.",
+        minimum=0,
+        maximum=1000,
+        needs=(needs("lossless", True),),
     )
     time_jump: float = parameter(
         1.0,

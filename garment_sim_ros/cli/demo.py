@@ -9,7 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from garment_sim_ros.cli.node_processes import NodeProcesses, own_network
-from garment_sim_ros.cli.preset_options import add_preset_options, choice_of
+from garment_sim_ros.cli.preset_options import (
+    add_preset_options,
+    choice_of,
+    refuse_doubly_said,
+)
 from garment_sim_ros.cli.progress import Waiting, progress
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.errors import GarmentSimError, InputFileError, ParameterError
@@ -87,13 +91,7 @@ def _parameters(args: argparse.Namespace) -> dict[str, dict[str, Any]]:
         "collider_node": {**worn, "bone_names": args.bone_names},
         "mocap_player": {"clip": args.clip, "bone_names": args.bone_names, "loop": True},
     }
-    for node, own in nodes.items():
-        for name in choice.single[node]:
-            if name in own and hasattr(args, name):
-                option = f"--{name.replace('_', '-')}"
-                raise ParameterError(
-                    f"--set {node}.{name}", "has an option of its own", f"allowed: {option}"
-                )
+    refuse_doubly_said(choice, nodes, args)
     return {node: {**own, **choice.given(node)} for node, own in nodes.items()}
 
 

@@ -14,9 +14,15 @@ from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from garment_sim_ros.cli.preset_options import (
+    add_preset_options,
+    choice_of,
+    refuse_doubly_said,
+)
 from garment_sim_ros.cli.progress import progress
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.errors import GarmentSimError, InputFileError, ParameterError
+from garment_sim_ros.presets import preset_values
 
 if TYPE_CHECKING:
     from garment_sim_ros.ros.offline.inputs import Input, Message
@@ -58,6 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="",
         help="what of a bag is used; default: joint_states where there are any",
     )
+    add_preset_options(parser)
     add("--markers", action="store_true", help="also write what RViz shows, which takes room")
     add("--normals", action="store_true", help="points with vertex normals")
     add("--out", metavar="BAG", type=Path, help="the recording; of several inputs their folder")
@@ -138,7 +145,7 @@ def _tasks(args: argparse.Namespace) -> list[_Task]:
     for name in names:
         if names.count(name) > 1:
             raise ParameterError(inputs[0][0], f"two inputs named {name!r}", "allowed: one each")
-    worn = {"body": args.body, "body_bone_names": args.body_bone_names, "outfit": args.outfit}
+    nodes = _nodes(args)
     tasks = []
     for (option, source), name in zip(inputs, names):
         clip = {"clip": source, "rate": args.rate} if option == "--clip" else {}
@@ -147,11 +154,7 @@ def _tasks(args: argparse.Namespace) -> list[_Task]:
                 option=option,
                 source=source,
                 out=args.out if len(inputs) == 1 else args.out / name,
-                nodes={
-                    "mocap_player": {**clip, "bone_names": args.bone_names},
-                    "collider_node": {**worn, "bone_names": args.bone_names},
-                    "cloth_node": {**worn, "normals": args.normals},
-                },
+                nodes={**nodes, "mocap_player": {**nodes["mocap_player"], **clip}},
                 begin_with=args.begin_with,
                 namespace=_namespace(args.namespace),
                 seconds=args.seconds,
@@ -161,6 +164,28 @@ def _tasks(args: argparse.Namespace) -> list[_Task]:
         )
         _check_out(tasks[-1].out)
     return tasks
+
+
+def _nodes(args: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """Parameters by node, but for the clip."""
+    choice = choice_of(args)
+    worn = {"body": args.body, "body_bone_names": args.body_bone_names, "outfit": args.outfit}
+    own: dict[str, dict[str, Any]] = {
+        "mocap_player": {"clip": "", "rate": 0.0, "bone_names": args.bone_names},
+        "collider_node": {**worn, "bone_names": args.bone_names},
+        "cloth_node": {**worn, "normals": args.normals},
+    }
+    refuse_doubly_said(choice, own, args)
+    if choice.single["cloth_node"].get("step_on", "poses") != "poses":
+        raise ParameterError("--set cloth_node.step_on", "found 'timer'", "allowed: poses")
+    return {
+        node: {
+            **preset_values(choice.preset, node, solver=choice.solver),
+            **options,
+            **choice.single[node],
+        }
+        for node, options in own.items()
+    }
 
 
 def _namespace(name: str | None) -> str | None:

@@ -67,15 +67,25 @@ class WornWatch:
         self._pierced = PiercedSoFar(colliders, list(self._triangles))
         self._inside = _InsideSoFar(colliders, body, garments)
 
-    def look(self, poses: ColliderPoses, positions: Mapping[str, SingleArray]) -> None:
+    def look(
+        self,
+        poses: ColliderPoses,
+        positions: Mapping[str, SingleArray],
+        *,
+        measure: bool | None = None,
+    ) -> None:
         """Look at one frame.
 
         Args:
             poses: World poses of the colliders.
             positions: World positions of each garment's vertices [m], shape [v, 3].
+            measure: Whether to measure `inside` at once; from time to time, beside, where None.
         """
         self._pierced.add(poses, {n: (x, self._triangles[n]) for n, x in positions.items()})
-        self._inside.offer(poses, positions)
+        if measure is None:
+            self._inside.offer(poses, positions)
+        elif measure:
+            self._inside.measure(poses, positions)
 
     def pierced_by(self, name: str) -> tuple[str, ...]:
         """Bones that run through a garment in the latest frame."""
@@ -119,10 +129,14 @@ class _InsideSoFar:
         copies = {name: x.astype(np.float64) for name, x in positions.items()}
         # A daemon: the end of the process does not wait for it.
         self._thread = threading.Thread(
-            target=self._measure, args=(poses.copy(), copies), daemon=True
+            target=self._measure_beside, args=(poses.copy(), copies), daemon=True
         )
         self._not_before = np.inf
         self._thread.start()
+
+    def measure(self, poses: ColliderPoses, positions: Mapping[str, SingleArray]) -> None:
+        """Measure a frame at once, in the caller's thread."""
+        self._measure(poses, {name: x.astype(np.float64) for name, x in positions.items()}, 0.0)
 
     def quantiles(self, name: str | None) -> tuple[float, float]:
         """99th percentile and median of one garment, or of all where None."""
@@ -139,8 +153,13 @@ class _InsideSoFar:
             self._turn.set()
             self._thread.join(1e-3)
 
-    def _measure(self, poses: ColliderPoses, positions: Mapping[str, FloatArray]) -> None:
+    def _measure_beside(self, poses: ColliderPoses, positions: Mapping[str, FloatArray]) -> None:
         step_back()
+        self._measure(poses, positions, _PATIENCE)
+
+    def _measure(
+        self, poses: ColliderPoses, positions: Mapping[str, FloatArray], patience: float
+    ) -> None:
         began = time.thread_time()
         try:
             self._begin()
@@ -150,7 +169,7 @@ class _InsideSoFar:
                 if not np.isfinite(x).all():
                     continue
                 mesh = self._meshes[name]
-                share = mesh.inside(self._distances(mesh.samples(x)))
+                share = mesh.inside(self._distances(mesh.samples(x), patience))
                 self._counts[name][round(share / _BIN)] += 1
                 self.latest[name] = share
             self._quantiles = {}
@@ -158,11 +177,14 @@ class _InsideSoFar:
             return  # A body without a skin to be inside of: not measured again.
         self._not_before = time.monotonic() + max(_PERIOD, _REST * (time.thread_time() - began))
 
-    def _distances(self, points: FloatArray) -> FloatArray:
-        """Signed distances from the skin [m], shape [n]; a piece after each frame."""
+    def _distances(self, points: FloatArray, patience: float) -> FloatArray:
+        """Signed distances from the skin [m], shape [n]; a piece after each frame.
+
+        Frames are waited for at most for some time [s].
+        """
         pieces = []
         for first in range(0, len(points), _PIECE):
-            self._turn.wait(_PATIENCE)
+            self._turn.wait(patience)
             self._turn.clear()
             pieces.append(self._distance.signed_distance(points[first : first + _PIECE])[0])
         return np.concatenate(pieces)

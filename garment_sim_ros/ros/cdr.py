@@ -44,7 +44,7 @@ def _message(out: bytearray, message: Any, padding: bytes) -> None:
 
 def _value(out: bytearray, value: Any, kind: Any, padding: bytes) -> None:
     if isinstance(kind, BasicType):
-        _numbers(out, (value,), kind, padding)
+        _numbers(out, value if isinstance(value, bytes) else (value,), kind, padding)
     elif isinstance(kind, AbstractString):
         text = value.encode() + b"\0"
         _numbers(out, (len(text),), BasicType("uint32"), padding)

@@ -24,7 +24,8 @@ from garment_sim_ros.ros.compiler import Compiler, expected_scene
 from garment_sim_ros.ros.conversions import StampedPoses, poses_from, text_from
 from garment_sim_ros.ros.diagnostics import Condition
 from garment_sim_ros.ros.dresser import Dressed, Dresser
-from garment_sim_ros.ros.garment_publishers import GarmentPublishers, GarmentQuality
+from garment_sim_ros.ros.garment_publishers import GarmentPublishers
+from garment_sim_ros.ros.garment_quality import GarmentQuality
 from garment_sim_ros.ros.lifecycle import ManagedNode
 from garment_sim_ros.ros.pace import Pace, check_pace
 from garment_sim_ros.ros.process import run
@@ -281,9 +282,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             self.get_logger().info(line)
         for number, garment in enumerate(dressed.garments):
             if garment.name not in self._topics:
-                self._topics[garment.name] = GarmentPublishers(
-                    self, garment.name, frame_id=p.frame_id, normals=p.normals
-                )
+                self._topics[garment.name] = GarmentPublishers(self, garment.name, p)
             self._topics[garment.name].show(garment, number)
         for note in dressed.notes:
             self.get_logger().info(note)

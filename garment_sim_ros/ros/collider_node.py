@@ -37,6 +37,8 @@ from garment_sim_ros.stepping_back import step_back
 
 _DESCRIPTION = "robot_description"
 _SHOWN = 5
+_MOST_KEPT = 10_000
+"""Joint states kept, with `lossless`, until there is a skeleton and who follows its poses."""
 _ROOM = 64
 """Messages that may come while one is used: in a flood the good ones are to be among them."""
 
@@ -56,6 +58,8 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         self._channels: JointChannels | None = None
         self._world_joints: Callable[[FloatArray, float], FloatArray] = _unposed
         self._sent = 0
+        self._kept: list[Taken] = []
+        self._keeps = False
 
     def prepare(self) -> None:
         """Load the body and fit its colliders.
@@ -71,7 +75,8 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         self._stamps = StampOrder(p.time_jump)
         self._reader = JointStates()
         self._description_out = self.advertise(COLLIDER_DESCRIPTION)
-        self._poses_out = self.advertise(COLLIDER_POSES)
+        self._poses_out = self.advertise(COLLIDER_POSES, keep_all=p.lossless)
+        self._keeps = p.lossless
         self._markers_out = self.advertise(COLLIDER_MARKERS)
         self._root_out = self.advertise(ROOT_POSE)
         if p.body:
@@ -83,7 +88,7 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         self.take_in(ROBOT_DESCRIPTION, self._take_description, always=True)
         self._source = Source(p.stale_after)
         self._joints = self.take_in(
-            JOINT_STATES, self._take_joints, source=self._source, room=_ROOM
+            JOINT_STATES, self._take, source=self._source, room=_ROOM, keep_all=p.lossless
         )
 
     def start(self) -> None:
@@ -99,6 +104,7 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
             self._still_reading = self._skeleton.retire()
             del self._skeleton
         self._avatar = self._channels = None
+        self._kept = []
 
     @property
     def has_description(self) -> bool:
@@ -111,6 +117,8 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
             return Condition(text=self.state)
         if self._channels is None:
             return Condition(text=f"waits for {ROBOT_DESCRIPTION.name}", well=False)
+        if self._kept:
+            return Condition(text=f"waits for subscribers of {COLLIDER_POSES.name}", well=False)
         if not self._joints.count:
             return Condition(text=f"waits for {JOINT_STATES.name}", well=False)
         missing = len(self._channels.missing())
@@ -132,6 +140,19 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         """Take over a skeleton that has been read."""
         if self.state not in ("inactive", "active"):
             return
+        self._take_skeleton()
+        if not self._keeps or self._channels is None or self.state != "active":
+            return
+        wanted = self.parameters.wait_for_subscribers
+        if self._poses_out.get_subscription_count() >= wanted:
+            self._keeps, kept, self._kept = False, self._kept, []
+            for message in kept:
+                try:
+                    self._take_joints(message)
+                except MessageError as error:
+                    self.reject(JOINT_STATES.name, error)
+
+    def _take_skeleton(self) -> None:
         try:
             skeleton = self._skeleton.result()
         except MessageError as error:
@@ -158,6 +179,14 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
             bone_names=self._bone_names,
             body_bone_names=self._body_bone_names,
         )
+
+    def _take(self, message: Taken) -> None:
+        if not self._keeps:
+            self._take_joints(message)
+        elif len(self._kept) < _MOST_KEPT:
+            self._kept.append(message)
+        else:
+            raise MessageError("not_followed", f"{_MOST_KEPT} are kept; allowed: as many")
 
     def _take_joints(self, message: Taken) -> None:
         joints = self._reader.read(message.data)

@@ -2,17 +2,18 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode
 
 from garment_sim_ros.errors import MessageError
 from garment_sim_ros.ros.interfaces import advertise_always
 from garment_sim_ros.ros.sources import OTHER_PUBLISHER
+from garment_sim_ros.ros.status import status
 from garment_sim_ros.ros.topics import DIAGNOSTICS
 
 _PERIOD = 1.0
@@ -126,24 +127,3 @@ class Diagnostics:
         )
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
-
-
-def status(
-    name: str,
-    values: Iterable[tuple[str, object]],
-    *,
-    text: str = "",
-    well: bool = True,
-    stale: bool = False,
-) -> DiagnosticStatus:
-    """One status; numbers are written so that plotting tools read them."""
-    level = DiagnosticStatus.OK if well else DiagnosticStatus.WARN
-    return DiagnosticStatus(
-        level=DiagnosticStatus.STALE if stale else level,
-        name=name,
-        message=text,
-        values=[
-            KeyValue(key=key, value=f"{value:.6g}" if isinstance(value, float) else str(value))
-            for key, value in values
-        ],
-    )

@@ -1,15 +1,12 @@
-"""What is published of one garment: points, mesh, topology, quality."""
+"""What is published of one garment: points, mesh, topology."""
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticStatus
 
 from garment_sim_ros.arrays import SingleArray
 from garment_sim_ros.garment.colours import garment_colour
 from garment_sim_ros.garment.garment import Garment
-from garment_sim_ros.params import Material
+from garment_sim_ros.params import ClothNodeParameters, Material
 from garment_sim_ros.recording import worn_watch
-from garment_sim_ros.recording.worn_watch import WornWatch
-from garment_sim_ros.ros.diagnostics import status
 from garment_sim_ros.ros.garment_messages import (
     garment_marker,
     topology,
@@ -29,15 +26,15 @@ class GarmentPublishers:
     Args:
         node: The node that publishes.
         name: The garment's name.
-        frame_id: Frame of its vertices.
-        normals: Whether points carry normals.
+        p: The node's parameters.
     """
 
-    def __init__(self, node: ManagedNode, name: str, *, frame_id: str, normals: bool) -> None:
+    def __init__(self, node: ManagedNode, name: str, p: ClothNodeParameters) -> None:
         self.name = name
-        self._frame_id = frame_id
-        self._normals = normals
-        self._points = node.advertise(GARMENT_POINTS, name)
+        self._frame_id = p.frame_id
+        self._normals = p.normals
+        # What is reproducible is so for those who listen, too, however fast the frames come.
+        self._points = node.advertise(GARMENT_POINTS, name, keep_all=p.step_on == "poses")
         self._mesh = node.advertise(GARMENT_MESH, name)
         self._topology = node.advertise_always(GARMENT_TOPOLOGY, name)
 
@@ -67,52 +64,6 @@ class GarmentPublishers:
         if self._mesh.get_subscription_count():
             self._mesh.publish(self._mesh_message.fill(stamp, x))
         return x
-
-
-class GarmentQuality:
-    """Figures of one garment, for the topic `quality`.
-
-    Args:
-        name: The garment's name.
-        simulation: Simulates it.
-        watch: Looks whether it stays worn.
-    """
-
-    def __init__(self, name: str, simulation: Simulation, watch: WornWatch) -> None:
-        self._name = name
-        self._simulation = simulation
-        self._watch = watch
-        self._strain = StrainMeter(simulation.model(name))
-
-    def status(self, figures: dict[str, object], *, resets: int) -> DiagnosticStatus:
-        """One frame's status.
-
-        Args:
-            figures: What belongs to the frame and not to the garment.
-            resets: Times all garments were put on anew.
-        """
-        health = self._simulation.health(self._name)
-        strain = self._strain.read(self._simulation.state(self._name))
-        values: dict[str, object] = {
-            **figures,
-            **self._watch.figures(self._name)._asdict(),
-            "pierced_by": len(self._watch.pierced_by(self._name)),
-            "inside": self._watch.inside(self._name),
-            "strain_p95": strain.p95,
-            "strain_max": strain.largest,
-            "contacts": health.contacts,
-            "rms_speed": health.rms_speed,
-            "max_speed": health.max_speed,
-            "resets": health.resets + resets,
-            "rewound": health.rewound + health.rewound_parts,
-            "recovered": health.recovered,
-            "held": health.held,
-            "let_go": health.let_go,
-            "tangled": health.tangled,
-            "layer": self._simulation.layer(self._name),
-        }
-        well = health.resets == 0 and health.recovered == 0
-        return status(self._name, values.items(), well=well)
 
 
 def warm_up() -> None:

@@ -22,18 +22,21 @@ _OVERRIDABLE = (
 )
 
 
-def advertise(node: LifecycleNode, topic: Topic, garment: str = "") -> LifecyclePublisher:
+def advertise(
+    node: LifecycleNode, topic: Topic, garment: str = "", *, keep_all: bool = False
+) -> LifecyclePublisher:
     """A publisher of a topic that is silent while its node is not active.
 
     Args:
         node: The node.
         topic: From `topics`.
         garment: Whose, for the topics of garments.
+        keep_all: Whether none may be lost, however fast they are sent.
     """
     publisher: LifecyclePublisher = node.create_lifecycle_publisher(
         topic.type,
         topic.name.format(garment),
-        topic.profile(),
+        topic.profile(keep_all=keep_all),
         qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
     )
     return publisher

@@ -210,9 +210,11 @@ class ManagedNode(LifecycleNode, Generic[Group]):
         """Name of the lifecycle state."""
         return lifecycle_state(self)
 
-    def advertise(self, topic: Topic, garment: str = "") -> LifecyclePublisher:
+    def advertise(
+        self, topic: Topic, garment: str = "", *, keep_all: bool = False
+    ) -> LifecyclePublisher:
         """A publisher, silent while the node is not active, that ends with what `prepare` made."""
-        publisher = advertise(self, topic, garment)
+        publisher = advertise(self, topic, garment, keep_all=keep_all)
         if self.state == "active":
             # Only those that are there beforehand are activated with the node.
             activate(publisher)

@@ -33,6 +33,7 @@ class MocapPlayer(ManagedNode[MocapPlayerParameters]):
         self._clip_time = 0.0
         self._stamp = 0
         self._holds = True
+        self._is_early = False
         self._paused = False
         self.create_service(Trigger, "~/reset", self._reset)
         self.create_service(SetBool, "~/pause", self._pause)
@@ -69,7 +70,7 @@ class MocapPlayer(ManagedNode[MocapPlayerParameters]):
 
     def start(self) -> None:
         """Publish the skeleton, then joint states from where the clip is."""
-        self._holds = True
+        self._holds = self._is_early = True
         self._description.publish(String(data=self._urdf))
         self._ticker = self.tick_at(self._rate, self._tick)
 
@@ -84,12 +85,18 @@ class MocapPlayer(ManagedNode[MocapPlayerParameters]):
 
     def condition(self) -> Condition:
         """What is played."""
+        wanted = self.parameters.wait_for_subscribers
+        state = f"waits for {wanted} subscribers" if self._is_early and wanted else self.state
         return Condition(
-            text="paused" if self._paused else self.state,
+            text="paused" if self._paused else state,
             values={"messages": self._sent, "clip_time_s": self._clip_time},
         )
 
     def _tick(self, due: int, ticks: int) -> None:
+        wanted = self.parameters.wait_for_subscribers
+        self._is_early = self._is_early and self._joints.get_subscription_count() < wanted
+        if self._is_early:
+            return
         period = self._ticker.period
         before = self._stamp
         if self._clock_topic is None:

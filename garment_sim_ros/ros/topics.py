@@ -42,11 +42,11 @@ class Topic:
         return f"{self.type.__module__.partition('.')[0]}/msg/{self.type.__name__}"
 
     def profile(self, *, subscribed: bool = False, keep_all: bool = False) -> "QoSProfile":
-        """A new profile; overriding changes it in place."""
+        """A new profile; overriding changes it in place. To keep all takes reliable delivery."""
         # Here, so that recordings are written where there is no middleware.
         from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-        reliable = self.subscribed_reliably or not subscribed
+        reliable = self.subscribed_reliably or not subscribed or keep_all
         return QoSProfile(
             history=HistoryPolicy.KEEP_ALL if keep_all else HistoryPolicy.KEEP_LAST,
             depth=self.depth,

@@ -16,6 +16,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from garment_sim_ros.cli.main import main
 from garment_sim_ros.mocap.bag_file import opened_bag
+from garment_sim_ros.presets import preset_values
+from garment_sim_ros.recording.bags import read_recording
 from garment_sim_ros.ros.offline import work
 from garment_sim_ros.ros.offline.hashes import MessageHash
 
@@ -106,9 +108,42 @@ def test_it_holds_inputs_garments_and_a_hash_per_second(recorded):
         "/root_pose": ["geometry_msgs/msg/PoseStamped", 45],
         "/garments/skirt/topology": ["shape_msgs/msg/Mesh", 1],
         "/garments/skirt/points": ["sensor_msgs/msg/PointCloud2", 45],
+        "/quality": ["diagnostic_msgs/msg/DiagnosticArray", 45],
         "/simulation": ["std_msgs/msg/String", 1],
         "/state_hash": ["std_msgs/msg/String", 3],
     }
+
+
+def test_quality_tells_what_does_not_depend_on_the_machine(recorded):
+    (garments,) = {
+        tuple(
+            s.name for s in STORE.deserialize_cdr(d, "diagnostic_msgs/msg/DiagnosticArray").status
+        )
+        for _, d in on(recorded, "/quality")
+    }
+    assert garments == ("skirt",)
+    quality = read_recording(recorded).quality["skirt"]
+    assert not {"step_ms", "late_frames"} & set(quality)
+    assert (quality["pierced"] == 0.0).all()
+    assert 0.0 < quality["strain_p95"].max() < 0.2
+    # Measured in the first frame and each half second of simulated time.
+    assert len(set(quality["inside"].tolist())) <= 6
+
+
+def test_a_preset_and_single_parameters(outfit, tmp_path):
+    clip = ["--clip", "walk", "--seconds", "0.4", "--rate", "20", "--outfit", outfit]
+    single = ["--set", "cloth_node.gravity=[0, 0, -4]", "--set", "collider_node.thickness=0.004"]
+    assert (
+        main(["simulate", *clip, "--preset", "fast", *single, "--out", str(tmp_path / "a")]) == 0
+    )
+    ((_, data),) = on(tmp_path / "a", "/simulation")
+    text = STORE.deserialize_cdr(data, "std_msgs/msg/String").data
+    told = json.loads(text)["parameters"]
+    fast = preset_values("fast", "cloth_node")
+    assert {k: told["cloth_node"][k] for k in fast} == fast
+    assert told["cloth_node"]["gravity"] == [0.0, 0.0, -4.0]
+    assert told["collider_node"]["thickness"] == 0.004
+    assert main(["simulate", "--verify", str(tmp_path / "a")]) == 0
 
 
 @pytest.mark.parametrize("topics", ["joint_states", "collider_poses"])
@@ -236,6 +271,15 @@ def test_recordings_that_are_cut_short(recorded, outfit, tmp_path, capsys):
         (("--clip", "walk", "--begin-with", "joint_states", "--out", "{}/o"), "--begin-with: "),
         (("--clip", "walk", "walk", "--out", "{}/o"), "two inputs named 'walk'"),
         (("--clip", "walk", "--jobs", "0", "--out", "{}/o"), "--jobs: found 0"),
+        (("--clip", "walk", "--preset", "none", "--out", "{}/o"), "preset: found 'none'"),
+        *(
+            (("--clip", "walk", "--set", f"cloth_node.{said}", "--out", "{}/o"), told)
+            for said, told in (
+                ("normals=true", "--set cloth_node.normals: has an option of its own"),
+                ("step_on=timer", "--set cloth_node.step_on: found 'timer'; allowed: poses"),
+                ("sub_step=9", "--set cloth_node.sub_step: found"),
+            )
+        ),
         (("--clip", "walk", "--out", "{}"), "exists and is no recording"),
     ],
 )

@@ -33,6 +33,7 @@ from garment_sim_ros.ros.topics import (
     GARMENT_POINTS,
     GARMENT_TOPOLOGY,
     JOINT_STATES,
+    QUALITY,
     ROBOT_DESCRIPTION,
     ROOT_POSE,
 )
@@ -46,7 +47,7 @@ _TOPICS = {
     for topic in (
         *(ROBOT_DESCRIPTION, JOINT_STATES, COLLIDER_DESCRIPTION, COLLIDER_POSES),
         *(COLLIDER_MARKERS, ROOT_POSE, GARMENT_POINTS, GARMENT_MESH, GARMENT_TOPOLOGY),
-        *(SIMULATION, STATE_HASH),
+        *(QUALITY, SIMULATION, STATE_HASH),
     )
 }
 """What is written, by the last part of its name."""

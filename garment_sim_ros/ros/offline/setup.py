@@ -19,7 +19,7 @@ from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.version import VERSION
 
-_VERSION = 1
+_VERSION = 2
 _PIECE = 2**20
 JOINTS, POSES = "joint_states", "collider_poses"
 

@@ -3,8 +3,11 @@
 import logging
 from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 
 from garment_sim_ros.body.humanoid import load_humanoid_overrides
@@ -13,11 +16,13 @@ from garment_sim_ros.body.loaders.urdf_xml import MAX_TEXT as MAX_URDF
 from garment_sim_ros.colliders.description import MAX_TEXT, from_json, to_json
 from garment_sim_ros.errors import GarmentSimError, MessageError
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT
+from garment_sim_ros.recording.worn_watch import WornWatch
 from garment_sim_ros.ros.cdr import encode
 from garment_sim_ros.ros.cloth_stepper import ClothStepper
 from garment_sim_ros.ros.conversions import JointStates, poses_from, text_from
 from garment_sim_ros.ros.dresser import dress
 from garment_sim_ros.ros.garment_messages import garment_marker, topology
+from garment_sim_ros.ros.garment_quality import GarmentQuality
 from garment_sim_ros.ros.joint_channels import MISSING, JointChannels
 from garment_sim_ros.ros.offline.inputs import Message
 from garment_sim_ros.ros.offline.setup import Setup
@@ -32,6 +37,7 @@ from garment_sim_ros.ros.topics import (
     GARMENT_POINTS,
     GARMENT_TOPOLOGY,
     JOINT_STATES,
+    QUALITY,
     ROBOT_DESCRIPTION,
     ROOT_POSE,
 )
@@ -39,6 +45,8 @@ from garment_sim_ros.stamps import SECOND
 
 Out = tuple[str, bytes]
 """Relative name and bytes of a message that is sent."""
+_MEASURED = SECOND // 2
+"""Time between two measurements of how much of a garment is in the skin [ns]."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -135,12 +143,15 @@ class Cloth:
     def __init__(self, setup: Setup) -> None:
         p = self._p = setup.cloth
         self._forces, self._with_markers = setup.forces, setup.markers
-        self._body = load_body(p.body, bone_names=p.body_bone_names)
+        body = load_body(p.body, bone_names=p.body_bone_names)
+        self._body = replace(body, skinning=p.skinning)
         self.stepper: ClothStepper | None = None
         self._revision = ""
         self.frames = 0
         self.garments: dict[str, int] = {}
         self._points: dict[str, PointCloud] = {}
+        self._qualities: list[GarmentQuality] = []
+        self._measured = 0
         self._meshes: dict[str, TriangleMarker] = {}
 
     def describe(self, data: bytes) -> Iterator[Out]:
@@ -171,6 +182,10 @@ class Cloth:
             raise MessageError(COLLIDER_DESCRIPTION.name, str(error)) from error
         self._revision = colliders.revision
         self.stepper = ClothStepper.with_parameters(simulation, p)
+        self._watch = WornWatch(colliders, self._body, outfit.garments)
+        self._qualities = [
+            GarmentQuality(name, simulation, self._watch) for name in simulation.names
+        ]
         for number, garment in enumerate(outfit.garments):
             count = self.garments[garment.name] = len(garment.vertices)
             self._points[garment.name] = PointCloud(count, p.frame_id, normals=p.normals)
@@ -197,8 +212,9 @@ class Cloth:
             return
         self.frames += 1
         simulation = stepper.simulation
+        shown = {}
         for name in simulation.names:
-            x = simulation.positions(name)
+            x = shown[name] = simulation.positions(name)
             normal = simulation.normals(name) if self._p.normals else None
             yield (
                 GARMENT_POINTS.name.format(name),
@@ -206,6 +222,15 @@ class Cloth:
             )
             if self._with_markers:
                 yield GARMENT_MESH.name.format(name), self._meshes[name].fill(stepper.time, x)
+        is_due = abs(stepper.time - self._measured) >= _MEASURED
+        self._measured = stepper.time if is_due else self._measured
+        self._watch.look(stepper.poses, shown, measure=is_due)
+        # Without what a machine's clock says.
+        quality = DiagnosticArray(
+            status=[q.status({}, resets=stepper.resets) for q in self._qualities]
+        )
+        quality.header.stamp = Time(sec=stepper.time // SECOND, nanosec=stepper.time % SECOND)
+        yield QUALITY.name, encode(quality)
 
     def state(self) -> Iterator[bytes]:
         """All that the motion goes on from, garment by garment."""

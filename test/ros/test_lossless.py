@@ -1,0 +1,103 @@
+"""Live and offline are one: the same joint states give the same cloth, bit for bit."""
+
+import signal
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from ros_input.cloth import stamp_of
+
+from garment_sim_ros.cli.main import main
+from garment_sim_ros.mocap.bag_file import opened_bag
+from garment_sim_ros.ros.recorder import Recorder
+
+pytestmark = pytest.mark.ros
+OUTFIT = """
+version: 1
+garments:
+  - {name: skirt, generator: short_skirt, options: {vertices: 500}}
+  - {name: shirt, generator: tshirt, options: {vertices: 500}}
+"""
+MESSAGES = 240
+NODES = {
+    # The recorder is the other subscriber: what it hears of is what the nodes hear of.
+    "collider_node": {"lossless": True, "wait_for_subscribers": 2},
+    "cloth_node": {"step_on": "poses"},
+    "mocap_player": {"wait_for_subscribers": 2, "rate": 60.0},
+}
+ORDERS = {
+    "the cloth first": ("cloth_node", "collider_node", "mocap_player"),
+    "the player first": ("mocap_player", "collider_node", "cloth_node"),
+}
+
+
+def on(bag, ending):
+    """Stamp, topic and bytes of all messages on topics with an ending.
+
+    The middleware fills messages up to four bytes.
+    """
+    with opened_bag(bag) as opened:
+        chosen = [c for c in opened.connections if c.topic.endswith(ending)]
+        return [
+            (stamp_of(data), connection.topic, data + bytes(-len(data) % 4))
+            for connection, _, data in opened.messages(chosen)
+        ]
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_the_cloth_of_the_nodes_is_that_of_simulate(
+    start_node, make_probe, until, tmp_path, order
+):
+    """Poses wait for the cloth, and joint states for the colliders, whoever starts last."""
+    namespace = f"/lossless_{order.split()[1]}"
+    outfit = tmp_path / "outfit.yaml"
+    outfit.write_text(OUTFIT)
+    worn = {"collider_node": {"outfit": str(outfit)}, "cloth_node": {"outfit": str(outfit)}}
+    joints, clouds = f"{namespace}/joint_states", f"{namespace}/garments/shirt/points"
+    nodes = {}
+    with Recorder(tmp_path / "live") as recorder:
+
+        def count(topic):
+            return recorder.counts.get(topic, 0)
+
+        for name in ORDERS[order]:
+            if name == "mocap_player":
+                # Clouds from the first on, where there is cloth before there are joint states.
+                until(lambda: len(nodes) < 2 or clouds in recorder.counts, "the cloth's topics")
+            elif name == "cloth_node" and "mocap_player" in nodes:
+                until(lambda: count(joints) > MESSAGES // 2, "joint states before the cloth")
+            nodes[name] = start_node(name, namespace, **NODES[name], **worn.get(name, {}))
+        until(lambda: count(joints) > MESSAGES, "joint states")
+        nodes["mocap_player"].send(signal.SIGTERM)
+        assert nodes["mocap_player"].wait() == 0
+        seen = [0]
+
+        def rests():
+            before, seen[0] = seen[0], count(f"{namespace}/garments/skirt/points")
+            probe.next(diagnostics)
+            return before == seen[0] > MESSAGES // 2
+
+        probe = make_probe(namespace)
+        from garment_sim_ros.ros.topics import DIAGNOSTICS
+
+        diagnostics = probe.listen(DIAGNOSTICS)
+        until(rests, "the cloth has had all poses")
+    for name in ("collider_node", "cloth_node"):
+        nodes[name].send(signal.SIGTERM)
+        assert nodes[name].wait() == 0
+        assert "rejected" not in nodes[name].output
+
+    out = tmp_path / "offline"
+    words = ["--bag", str(tmp_path / "live"), "--outfit", str(outfit), "--out", str(out)]
+    assert main(["simulate", *words]) == 0
+    assert on(out, "/joint_states") == on(tmp_path / "live", "/joint_states")
+    for ending in ("/collider_poses", "/skirt/points", "/shirt/points"):
+        live, offline = on(tmp_path / "live", ending), on(out, ending)
+        if order == "the player first":
+            # Whoever hears of a topic late misses its beginning; the recorder does here.
+            assert len(live) > MESSAGES // 2
+            offline = offline[-len(live) :]
+        assert [stamp for stamp, _, _ in live] == [stamp for stamp, _, _ in offline]
+        different = [live[0] for live, then in zip(live, offline) if live != then]
+        assert not different, f"{len(different)} of {len(live)} on {ending}"
