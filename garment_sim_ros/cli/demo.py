@@ -137,6 +137,7 @@ def _record(
             for _ in progress(range(round(seconds / _WAIT)), "recording"):
                 time.sleep(_WAIT)
                 nodes.check()
+                recorder.check()
         nodes.finish()
     return first_cloth
 

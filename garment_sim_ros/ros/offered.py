@@ -9,14 +9,15 @@ from rosbags.interfaces import (
     QosTime,
 )
 
-_FOREVER = QosTime(2147483647, 4294967295)
+_FOREVER = QosTime(9223372036, 854775807)
+"""As rosbag2 writes it: `RMW_DURATION_INFINITE`."""
 
 
-def offered(*, reliable: bool, latched: bool) -> Qos:
+def offered(*, reliable: bool, latched: bool, depth: int) -> Qos:
     """The profile that a player of a recording should publish with."""
     return Qos(
         history=QosHistory.KEEP_LAST,
-        depth=1 if latched else 10,
+        depth=depth,
         reliability=QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT,
         durability=QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
         deadline=_FOREVER,

@@ -18,11 +18,13 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.signals import SignalHandlerOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosbags.interfaces import Connection, Qos
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from garment_sim_ros.errors import InputFileError
+from garment_sim_ros.recording.bag_writer import BagWriter
 from garment_sim_ros.ros.offered import offered
 from garment_sim_ros.ros.rclpy_internals import Taker
+from garment_sim_ros.ros.topics import topic_of
 from garment_sim_ros.stepping_back import SMALL, libraries_step_back, step_back
 
 _NAMES = frozenset(
@@ -33,6 +35,7 @@ _NAMES = frozenset(
 )
 _LOOK_PERIOD = 0.02  # between two looks for messages [s]
 _DISCOVERY_PERIOD = 0.1  # between two looks for topics [s]
+_USUAL = 10  # depth of topics that are not ours
 _DEPTH = 1000  # arrived messages that may wait; the publishers' own depth is what they offer
 
 
@@ -66,8 +69,7 @@ class Recorder:
     def __init__(self, path: Path, name: str = "recorder") -> None:
         self.first_cloth = threading.Event()
         self.counts: dict[str, int] = {}
-        self._writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
-        self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        self._writer = BagWriter(path)
         self._types = get_typestore(Stores.ROS2_JAZZY)
         # A topic's first entry carries what it was subscribed with instead of a message.
         self._queue: queue.SimpleQueue[tuple[str, int, bytes | _Topic] | None] = (
@@ -105,9 +107,45 @@ class Recorder:
         rclpy.shutdown(context=self._context)
         self._queue.put(None)
         self._threads[1].join()
-        self._writer.close()
-        if self._failure is not None and error is None:
-            raise self._failure
+        self._close()
+        if error is None:
+            self.check()
+
+    def check(self) -> None:
+        """See that everything could be written so far.
+
+        Raises:
+            InputFileError: There was no room; the block may as well end, then the recording can be
+                read up to there.
+            Exception: Whatever else went wrong.
+        """
+        failure = self._failure
+        if isinstance(failure, OSError):
+            raise InputFileError(
+                self._writer.path, failure.strerror or str(failure), "needed: room to write"
+            ) from failure
+        if failure is not None:
+            raise failure
+
+    def _close(self) -> None:
+        """Close the recording, or what there is of it."""
+        try:
+            if self._failure is None:
+                self._writer.close()
+                return
+        except OSError as error:
+            self._failure = error
+        told = self._failure
+        try:
+            count = self._writer.keep_what_is_whole()
+        except OSError:  # as told
+            return
+        if isinstance(told, OSError):
+            self._failure = InputFileError(
+                self._writer.path,
+                f"{told.strerror or told}: it ends there, with {count} messages",
+                "needed: room to write",
+            )
 
     def _receive(self) -> None:
         step_back(SMALL)
@@ -174,7 +212,11 @@ class Recorder:
             reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
         )
-        self._queue.put((topic, 0, _Topic(kind, offered(reliable=reliable, latched=latched))))
+        known = topic_of(topic)
+        # Most middlewares do not tell depths.
+        depth = max(o.qos_profile.depth for o in offers) or (known.depth if known else _USUAL)
+        profile_offered = offered(reliable=reliable, latched=latched, depth=depth)
+        self._queue.put((topic, 0, _Topic(kind, profile_offered)))
         package, _, message = kind.partition("/msg/")
         message_type = getattr(importlib.import_module(f"{package}.msg"), message)
         # No executor spins this node: the callback is never called.

@@ -69,3 +69,14 @@ GARMENT_MESH = Topic(name="garments/{}/mesh", type=Marker, depth=2)
 GARMENT_TOPOLOGY = Topic(name="garments/{}/topology", type=Mesh, depth=1, latched=True)
 QUALITY = Topic(name="quality", type=DiagnosticArray, depth=2)
 DIAGNOSTICS = Topic(name="/diagnostics", type=DiagnosticArray, depth=10)
+_ALL = (
+    *(JOINT_STATES, ROBOT_DESCRIPTION, CLOCK, COLLIDER_DESCRIPTION, COLLIDER_POSES),
+    *(COLLIDER_MARKERS, ROOT_POSE, GARMENT_POINTS, GARMENT_MESH, GARMENT_TOPOLOGY),
+    *(QUALITY, DIAGNOSTICS),
+)
+
+
+def topic_of(name: str) -> Topic | None:
+    """The topic with a full name, told by its last part; None where it is none of these."""
+    last = name.rpartition("/")[2]
+    return next((topic for topic in _ALL if topic.name.rpartition("/")[2] == last), None)

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from rosbags.interfaces import Connection
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from garment_sim_ros.errors import GarmentSimError, InputFileError, MessageError
 from garment_sim_ros.mocap.bag_file import Bag, opened_bag
+from garment_sim_ros.recording.bag_writer import BagWriter
 from garment_sim_ros.ros.conversions import text_from
 from garment_sim_ros.ros.offered import offered
 from garment_sim_ros.ros.offline.hashes import (
@@ -25,32 +25,14 @@ from garment_sim_ros.ros.offline.hashes import (
 from garment_sim_ros.ros.offline.inputs import Input, Message, opened_input
 from garment_sim_ros.ros.offline.setup import Setup
 from garment_sim_ros.ros.offline.work import Work
-from garment_sim_ros.ros.topics import (
-    COLLIDER_DESCRIPTION,
-    COLLIDER_MARKERS,
-    COLLIDER_POSES,
-    GARMENT_MESH,
-    GARMENT_POINTS,
-    GARMENT_TOPOLOGY,
-    JOINT_STATES,
-    QUALITY,
-    ROBOT_DESCRIPTION,
-    ROOT_POSE,
-)
+from garment_sim_ros.ros.topics import topic_of
 
 Progress = Callable[[Iterator[Message], int], Iterator[Message]]
 """Passes messages on, of which there are so many, and shows how far they are."""
 
 _NAME = "simulation"
-_TOPICS = {
-    topic.name.rpartition("/")[2]: topic
-    for topic in (
-        *(ROBOT_DESCRIPTION, JOINT_STATES, COLLIDER_DESCRIPTION, COLLIDER_POSES),
-        *(COLLIDER_MARKERS, ROOT_POSE, GARMENT_POINTS, GARMENT_MESH, GARMENT_TOPOLOGY),
-        *(QUALITY, SIMULATION, STATE_HASH),
-    )
-}
-"""What is written, by the last part of its name."""
+_OWN = {topic.name: topic for topic in (SIMULATION, STATE_HASH)}
+"""What only recordings have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,8 +79,7 @@ def record(
     work = Work(setup)
     # Its file has the same name wherever it goes: the name stands in its bytes.
     written = out.with_name(_NAME)
-    writer = Writer(written, version=9, storage_plugin=StoragePlugin.MCAP)
-    writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    writer = BagWriter(written)
     types = get_typestore(Stores.ROS2_JAZZY)
     connections: dict[str, Connection] = {}
     begin = last = None
@@ -108,12 +89,15 @@ def record(
             messages = progress(source.messages, source.count)
             for topic, time, data in simulated(work, messages, setup.text):
                 if topic not in connections:
-                    of = _TOPICS[topic.rpartition("/")[2]]
+                    of = _OWN.get(topic) or topic_of(topic)
+                    assert of is not None
                     connections[topic] = writer.add_connection(
                         f"{source.namespace}/{topic}",
                         of.kind,
                         typestore=types,
-                        offered_qos_profiles=[offered(reliable=True, latched=of.latched)],
+                        offered_qos_profiles=[
+                            offered(reliable=True, latched=of.latched, depth=of.depth)
+                        ],
                     )
                 writer.write(connections[topic], time, data)
                 if topic == STATE_HASH.name:
