@@ -4,6 +4,7 @@ Messages are asked for some times a second instead of waking `rclpy`'s executor 
 third of a core for the topics of one avatar, which the nodes need.
 """
 
+import contextlib
 import importlib
 import queue
 import threading
@@ -122,30 +123,23 @@ class Recorder:
         failure = self._failure
         if isinstance(failure, OSError):
             raise InputFileError(
-                self._writer.path, failure.strerror or str(failure), "needed: room to write"
+                self._writer.path,
+                f"{failure.strerror or failure}: what is whole of it stays and can be read",
+                "needed: room to write",
             ) from failure
         if failure is not None:
             raise failure
 
     def _close(self) -> None:
-        """Close the recording, or what there is of it."""
+        """Close the recording, or what there is room for of it."""
         try:
-            if self._failure is None:
+            if not isinstance(self._failure, OSError):
                 self._writer.close()
                 return
         except OSError as error:
             self._failure = error
-        told = self._failure
-        try:
-            count = self._writer.keep_what_is_whole()
-        except OSError:  # as told
-            return
-        if isinstance(told, OSError):
-            self._failure = InputFileError(
-                self._writer.path,
-                f"{told.strerror or told}: it ends there, with {count} messages",
-                "needed: room to write",
-            )
+        with contextlib.suppress(OSError):  # then there is none, and it is told as it is
+            self._writer.keep_what_is_whole()
 
     def _receive(self) -> None:
         step_back(SMALL)

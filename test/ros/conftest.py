@@ -1,27 +1,13 @@
 """Real nodes in processes of their own, and a probe that talks to them."""
 
-import contextlib
-import json
 import os
-import queue
-import re
-import signal
-import subprocess
-import sys
-import threading
-import time
-from collections import defaultdict
 from collections.abc import Callable, Iterator
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
+from ros_input.processes import NodeProcess, Probe, wait_until
 
 from garment_sim_ros.cli.node_processes import own_network
-
-_PATIENCE = 180.0
-"""How long a condition may take to come true on a busy machine, not counting the time in which a
-node says that it compiles or fits [s]."""
-_AT_WORK = re.compile(r": \d+ s so far$")
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -36,177 +22,6 @@ def _own_network() -> Iterator[None]:
             del os.environ[name]
         else:
             os.environ[name] = value
-
-
-def wait_until(condition: Callable[[], Any], what: str, limit: float = _PATIENCE) -> Any:
-    """Returns what `condition` gives once that is true."""
-    began = time.monotonic()
-    while time.monotonic() < max(began, NodeProcess.last_at_work) + limit:
-        value = condition()
-        if value:
-            return value
-        time.sleep(0.01)
-    said = "".join(f"\n{node.name} said:\n{node.output[-2000:]}" for node in NodeProcess.all)
-    raise AssertionError(f"after {limit:g} s still not: {what}{said}")
-
-
-class NodeProcess:
-    """One of our nodes as a process."""
-
-    all: ClassVar[list["NodeProcess"]] = []  # those that have not been ended
-    last_at_work = 0.0  # when one of them last said so
-
-    def __init__(self, name: str, namespace: str, **parameters: Any) -> None:
-        command = [sys.executable, "-m", f"garment_sim_ros.ros.{name}", "--ros-args"]
-        command += ["-r", f"__ns:={namespace}"]
-        for key, value in parameters.items():
-            command += ["-p", f"{key}:={json.dumps(value)}"]  # JSON is YAML
-        self.name = name
-        self.full_name = f"{namespace}/{name}"
-        self._process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-        )
-        self._lines: list[str] = []
-        NodeProcess.all.append(self)
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def _read(self) -> None:
-        assert self._process.stdout is not None
-        for line in self._process.stdout:
-            self._lines.append(line)
-            if _AT_WORK.search(line.rstrip()):
-                NodeProcess.last_at_work = time.monotonic()
-
-    @property
-    def output(self) -> str:
-        """What it wrote so far."""
-        return "".join(self._lines)
-
-    @property
-    def pid(self) -> int:
-        return self._process.pid
-
-    @property
-    def is_running(self) -> bool:
-        return self._process.poll() is None
-
-    def send(self, number: signal.Signals) -> None:
-        self._process.send_signal(number)
-
-    def wait(self) -> int:
-        """Its exit code."""
-        code = self._process.wait(_PATIENCE)
-        self._reader.join(_PATIENCE)
-        return code
-
-    def end(self) -> None:
-        NodeProcess.all.remove(self)
-        if self.is_running:
-            self._process.kill()
-        self._process.wait()
-
-
-class Probe:
-    """A node of the test's: publishes, subscribes, calls services; spins in a thread."""
-
-    def __init__(self, namespace: str) -> None:
-        import rclpy
-        from rclpy.context import Context
-        from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-        from rclpy.signals import SignalHandlerOptions
-
-        self._rclpy = rclpy
-        self._context = Context()
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self.node = rclpy.create_node("probe", namespace=namespace, context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self.node)
-        self._received: dict[str, list[Any]] = defaultdict(list)
-        self._publishers: dict[str, Any] = {}
-        self._diagnostics: dict[str, Any] = {}
-        from diagnostic_msgs.msg import DiagnosticArray
-
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._note, 50)
-
-        def spin() -> None:
-            with contextlib.suppress(ExternalShutdownException):
-                self._executor.spin()
-
-        self._thread = threading.Thread(target=spin, daemon=True)
-        self._thread.start()
-
-    def close(self) -> None:
-        self._executor.shutdown()
-        self._thread.join()
-        self.node.destroy_node()
-        self._rclpy.shutdown(context=self._context)
-
-    def listen(
-        self, topic: Any, garment: str = "", *, raw: bool = False, depth: int = 5000
-    ) -> str:
-        """Collect messages of a topic of `ros.topics`; returns the key for `received`."""
-        from rclpy.qos import QoSProfile
-
-        profile = topic.profile()
-        profile = QoSProfile(
-            depth=depth, reliability=profile.reliability, durability=profile.durability
-        )
-        name = topic.name.format(garment)
-        self.node.create_subscription(
-            topic.type, name, self._received[name].append, profile, raw=raw
-        )
-        return name
-
-    def received(self, name: str) -> list[Any]:
-        return self._received[name]
-
-    def next(self, name: str, count: int = 1) -> list[Any]:
-        """The next `count` messages from now on."""
-        start = len(self._received[name])
-        wait_until(
-            lambda: len(self._received[name]) >= start + count, f"{count} messages on {name}"
-        )
-        return self._received[name][start : start + count]
-
-    def publish(self, topic: Any, message: Any) -> None:
-        """Publish on a topic of `ros.topics`, after its reader has been found."""
-        if topic.name not in self._publishers:
-            publisher = self.node.create_publisher(topic.type, topic.name, topic.profile())
-            wait_until(publisher.get_subscription_count, f"a reader of {topic.name}")
-            self._publishers[topic.name] = publisher
-        self._publishers[topic.name].publish(message)
-
-    def _note(self, message: Any) -> None:
-        for status in message.status:
-            self._diagnostics[status.name] = status
-
-    def diagnostics(self, node: NodeProcess) -> Any:
-        """The latest status of a node, None before the first."""
-        return self._diagnostics.get(node.full_name)
-
-    def value(self, node: NodeProcess, key: str) -> float:
-        """A number from a node's diagnostics, 0 where there is none."""
-        status = self.diagnostics(node)
-        values = {} if status is None else {v.key: v.value for v in status.values}
-        return float(values.get(key, 0))
-
-    def call(self, kind: Any, name: str, request: Any) -> Any:
-        """Call a service."""
-        client = self.node.create_client(kind, name)
-        assert client.wait_for_service(timeout_sec=_PATIENCE), f"no service {name}"
-        answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        client.call_async(request).add_done_callback(answers.put)
-        result = answers.get(timeout=_PATIENCE).result()
-        self.node.destroy_client(client)
-        return result
-
-    def publishers_of(self, name: str) -> list[Any]:
-        """What is known of the publishers of a topic."""
-        full = self.node.resolve_topic_name(name)
-        return wait_until(
-            lambda: self.node.get_publishers_info_by_topic(full), f"a publisher of {full}"
-        )
 
 
 @pytest.fixture(scope="module")

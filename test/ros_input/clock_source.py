@@ -27,6 +27,7 @@ class ClockSource:
     Args:
         probe: Whose node sends.
         period: Time between two messages in the source's time [ns].
+        clock: Whether `/clock` is sent.
 
     Attributes:
         stamp: The source's time [ns].
@@ -40,8 +41,8 @@ class ClockSource:
         period, probe: As given; may be set.
     """
 
-    def __init__(self, probe, *, period=SECOND // 60):
-        self.probe, self.period = probe, period
+    def __init__(self, probe, *, period=SECOND // 60, clock=True):
+        self.probe, self.period, self._tells = probe, period, clock
         self.stamp, self.rate, self.playing, self.loop = BEGIN, 1.0, True, None
         self._due = BEGIN
         self.rounds, self.sends = 0, True
@@ -51,7 +52,7 @@ class ClockSource:
         self._message = Joints(clip.rig.dofs.names, "world")
         self._lock, self._ended = threading.Lock(), threading.Event()
         probe.publish(ROBOT_DESCRIPTION, String(data=urdf_from_clip(clip)))
-        probe.publish(CLOCK, self._clock())
+        self._tell()
         probe.publish(JOINT_STATES, self.joints(self.stamp))
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -65,7 +66,7 @@ class ClockSource:
         with self._lock:
             for _ in range(count):
                 self.stamp += self.period
-                self.probe.publish(CLOCK, self._clock())
+                self._tell()
                 self.probe.publish(JOINT_STATES, self.joints(self.stamp))
             self._due = self.stamp + self.period
 
@@ -79,8 +80,10 @@ class ClockSource:
         self._ended.set()
         self._thread.join()
 
-    def _clock(self):
-        return Clock(clock=Time(sec=self.stamp // SECOND, nanosec=self.stamp % SECOND))
+    def _tell(self):
+        if self._tells:
+            now = Time(sec=self.stamp // SECOND, nanosec=self.stamp % SECOND)
+            self.probe.publish(CLOCK, Clock(clock=now))
 
     def _run(self):
         before = time.monotonic()
@@ -101,7 +104,7 @@ class ClockSource:
             if self.sends:
                 self._send(self._due)
             self._due += self.period
-        self.probe.publish(CLOCK, self._clock())
+        self._tell()
 
     def _send(self, stamp):
         if self.swaps and self._held is None:

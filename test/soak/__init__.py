@@ -1,0 +1,1 @@
+"""Faults that a service meets in weeks, brought about on purpose: `make soak`, see `run`."""

@@ -1,0 +1,65 @@
+"""Each node is configured and cleaned up again and again: nothing piles up."""
+
+import time
+
+import numpy as np
+import psutil
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from ros_input.cloth import Avatar as Colliders
+
+from garment_sim_ros.ros.topics import COLLIDER_DESCRIPTION
+from soak.avatar import NODES, Avatar
+from soak.report import Row, at_most
+
+_ROUND = (
+    Transition.TRANSITION_CONFIGURE,
+    Transition.TRANSITION_ACTIVATE,
+    Transition.TRANSITION_DEACTIVATE,
+    Transition.TRANSITION_CLEANUP,
+)
+_FIRST = 8
+"""Rounds after which a node has what it keeps."""
+_GROWTH = 16.0
+"""Allowed from then on, however many rounds [MiB]."""
+
+
+def run(lengths):
+    rows = []
+    for name in NODES:
+        with Avatar(f"/soak_rounds_{name}") as avatar:
+            node = avatar.start(name, autostart=False)
+            process, found, began = psutil.Process(node.pid), [], time.monotonic()
+            for number in range(lengths.rounds):
+                if time.monotonic() - began > lengths.longest:
+                    break
+                for transition in _ROUND:
+                    request = ChangeState.Request(transition=Transition(id=transition))
+                    done = avatar.probe.call(ChangeState, f"{name}/change_state", request)
+                    if not done.success:
+                        return [*rows, Row(f"{name}: round {number}", "refused", "", False)]
+                    if number == 0 and name == "cloth_node" and transition == _ROUND[1]:
+                        avatar.probe.publish(COLLIDER_DESCRIPTION, Colliders().description)
+                found.append(
+                    (process.num_threads(), process.num_fds(), process.memory_info().rss / 2**20)
+                )
+            rows += _rows(name, np.array(found), node)
+    return rows
+
+
+def _rows(name, found, node):
+    early, late = found[_FIRST : _FIRST + 5], found[-5:]
+    threads, files, memory = np.median(late, axis=0) - np.median(early, axis=0)
+    return [
+        Row(f"{name}: rounds", f"{len(found)}"),
+        at_most(f"{name}: memory that it grew by", memory, _GROWTH, "MiB"),
+        # One that makes garments may be at work at any time, never two.
+        at_most(f"{name}: threads more", threads, 1.0),
+        at_most(f"{name}: open files more", files, 2.0),
+        Row(
+            f"{name}: fell over",
+            "no" if node.is_running else "yes",
+            "no",
+            node.is_running and "Traceback" not in node.output,
+        ),
+    ]
