@@ -1,11 +1,11 @@
 """Hostile and valid messages, a thousand of each a second."""
 
+import subprocess
+import sys
 import time
 
 import numpy as np
-from rclpy.serialization import serialize_message
-from ros_input.hostile import PERIOD, SECOND, Sender, hostile_messages
-from ros_input.processes import Probe
+from ros_input.hostile import PERIOD, SECOND, Sender
 from std_msgs.msg import String
 
 from garment_sim_ros.mocap.clips import load_clip
@@ -19,6 +19,8 @@ from soak.report import Row, at_least, at_most
 _BEGIN = 1000 * SECOND
 _WINDOW = 3.0
 """Frames are counted over so long [s]."""
+_ALONE = 15.0
+"""Before, without hostile ones, they are counted over so long [s]: a busy machine has fewer."""
 
 
 class Good:
@@ -46,39 +48,34 @@ def run(lengths):
         sender = Sender(good.send)
         sender.start()
         avatar.follow(since=_BEGIN)
-        other = Probe(avatar.namespace)
-        kinds = []
-
-        def send(number):
-            if number % 100 == 0:
-                kinds[:] = [
-                    (topic, m if isinstance(m, bytes) else serialize_message(m))
-                    for topic, m in hostile_messages(good.stamp, good.clip)
-                ]
-            other.publish(*kinds[number % len(kinds)])
-
-        for topic, message in hostile_messages(good.stamp, good.clip):
-            other.publish(topic, message)
-        hostile = Sender(send)
-        hostile.start()
+        alone = _rates(avatar, _ALONE)
+        command = [sys.executable, "-m", "soak.send_hostile", avatar.namespace, str(good.stamp)]
+        hostile = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        assert hostile.stdout is not None
+        hostile.stdout.readline()  # it has begun
         names = ("collider_node", "cloth_node")
         begun = {name: avatar.memory(name) for name in names}
-        rates, end = [], time.monotonic() + 60.0 * lengths.minutes
-        while time.monotonic() < end:
-            moved, began = avatar.moved, time.monotonic()
-            time.sleep(_WINDOW)
-            rates.append((avatar.moved - moved) / (time.monotonic() - began))
+        rates = _rates(avatar, 60.0 * lengths.minutes)
         grown = {name: avatar.memory(name) - begun[name] for name in names}
+        hostile.terminate()
         rows = [
-            Row("hostile messages", f"{hostile.sent}"),
+            Row("hostile messages", hostile.communicate()[0].split()[-1]),
             Row("valid messages", f"{sender.sent}"),
-            at_least("frames that moved, median of 3 s", float(np.median(rates)), 59.0, "Hz"),
-            at_least("frames that moved, mean", float(np.mean(rates)), 57.0, "Hz"),
+            Row("frames that moved without them, mean", f"{np.mean(alone):.1f} Hz"),
+            at_least("frames that moved, mean", np.mean(rates), 0.95 * np.mean(alone), "Hz"),
+            Row("frames that moved, median of 3 s", f"{np.median(rates):.1f} Hz"),
             Row("frames that moved, worst 3 s", f"{min(rates):.1f} Hz"),
             *(at_most(f"memory that {n} grew by", grown[n], 40.0, "MiB") for n in names),
         ]
-        hostile.end()
         sender.end()
-        rows += avatar.ends()
-        other.close()
-        return rows
+        return [*rows, *avatar.ends()]
+
+
+def _rates(avatar, seconds):
+    """Frames that moved in a second, window by window."""
+    found, end = [], time.monotonic() + seconds
+    while time.monotonic() < end:
+        moved, began = avatar.moved, time.monotonic()
+        time.sleep(_WINDOW)
+        found.append((avatar.moved - moved) / (time.monotonic() - began))
+    return found
