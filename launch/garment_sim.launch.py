@@ -4,8 +4,15 @@ Example:
     ros2 launch garment_sim_ros garment_sim.launch.py namespace:=avatar clip:=dance.bvh
 """
 
-from ament_index_python.packages import PackageNotFoundError, get_package_prefix
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from pathlib import Path
+
+import yaml
+from ament_index_python.packages import (
+    PackageNotFoundError,
+    get_package_prefix,
+    get_package_share_directory,
+)
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, NotEqualsSubstitution, OrSubstitution
 from launch_ros.actions import Node
@@ -28,6 +35,7 @@ ARGUMENTS = {
     "use_sim_time": ("false", "Follow /clock."),
     "publish_clock": ("false", "The player is the clock that the other nodes follow."),
     "robot_state_publisher": ("true", "Start robot_state_publisher where it is installed."),
+    "rviz": ("false", "Show the avatar in RViz, where it is installed."),
 }
 
 
@@ -131,6 +139,33 @@ def joint_frames(context: LaunchContext) -> list[Node]:
     ]
 
 
+def shown_topics(config: str) -> list[tuple[str, str]]:
+    """Topics that RViz's configuration names, each as it is and in the namespace of the node."""
+    displays = yaml.safe_load(config)["Visualization Manager"]["Displays"]
+    names = [display["Topic"]["Value"] for display in displays if "Topic" in display]
+    return [(name, name.lstrip("/")) for name in names]
+
+
+def rviz(context: LaunchContext) -> list[Node | LogInfo]:
+    """RViz with the avatar, where it is installed."""
+    try:
+        get_package_prefix("rviz2")
+    except PackageNotFoundError:
+        return [LogInfo(msg="rviz: rviz2 is not installed; allowed: rviz:=false")]
+    config = Path(get_package_share_directory("garment_sim_ros")) / "config" / "garment_sim.rviz"
+    return [
+        Node(
+            package="rviz2",
+            executable="rviz2",
+            name="rviz",
+            namespace=LaunchConfiguration("namespace"),
+            arguments=["-d", str(config)],
+            parameters=[{"use_sim_time": flag("use_sim_time", "publish_clock")}],
+            remappings=shown_topics(config.read_text()),
+        )
+    ]
+
+
 def nodes(context: LaunchContext) -> list[Node]:
     """The nodes of one avatar."""
     given = given_in(context)
@@ -173,5 +208,6 @@ def generate_launch_description() -> LaunchDescription:
                 function=joint_frames,
                 condition=IfCondition(LaunchConfiguration("robot_state_publisher")),
             ),
+            OpaqueFunction(function=rviz, condition=IfCondition(LaunchConfiguration("rviz"))),
         ]
     )
