@@ -28,7 +28,7 @@ class Lengths:
     longest: float
 
 
-SHORT = Lengths(minutes=1.0, hours=2, hour=60.0, rounds=20, kills=1, jumps=10, longest=180.0)
+SHORT = Lengths(minutes=1.0, hours=2, hour=60.0, rounds=60, kills=1, jumps=10, longest=180.0)
 FULL = Lengths(
     minutes=5.0, hours=8, hour=3600.0, rounds=1000, kills=5, jumps=100, longest=8 * 3600.0
 )

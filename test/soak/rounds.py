@@ -18,9 +18,11 @@ _ROUND = (
     Transition.TRANSITION_DEACTIVATE,
     Transition.TRANSITION_CLEANUP,
 )
-_FIRST = 8
+_FIRST = 40
 """Rounds after which a node has what it keeps."""
-_GROWTH = 16.0
+_FEW = 10
+"""The memory of so many rounds is compared: garments that are just being made come and go."""
+_GROWTH = 24.0
 """Allowed from then on, however many rounds [MiB]."""
 
 
@@ -48,7 +50,7 @@ def run(lengths):
 
 
 def _rows(name, found, node):
-    early, late = found[_FIRST : _FIRST + 5], found[-5:]
+    early, late = found[_FIRST : _FIRST + _FEW], found[-_FEW:]
     threads, files, memory = np.median(late, axis=0) - np.median(early, axis=0)
     return [
         Row(f"{name}: rounds", f"{len(found)}"),
