@@ -69,7 +69,8 @@ class Ticker:
         now = self.now()
         if now != self._seen[0]:
             self._seen = now, time.monotonic_ns()
-        return self.is_simulated and time.monotonic_ns() - self._seen[1] > _STANDS
+        is_told = self.is_simulated and now > 0  # else it has not begun
+        return is_told and time.monotonic_ns() - self._seen[1] > _STANDS
 
     def steady(self) -> int:
         """Now [ns], on a clock to average arrivals on: one that is not set, or as stamps are."""

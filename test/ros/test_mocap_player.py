@@ -165,6 +165,25 @@ def test_diagnostics_tell_that_it_plays(probe, player, until):
     until(lambda: probe.value(player, "messages") > 0, "a count of messages")
 
 
+def test_subscribers_are_waited_for(start_node, make_probe, until):
+    namespace = "/player_waits"
+    node = start_node("mocap_player", namespace, rate=RATE, wait_for_subscribers=1)
+    probe = make_probe(namespace)
+    until(
+        lambda: (
+            probe.diagnostics(node)
+            and probe.diagnostics(node).message == "waits for 1 subscribers"
+        ),
+        "it waits",
+    )
+    assert probe.value(node, "messages") == 0.0
+    joints = probe.listen(JOINT_STATES)
+    first = probe.next(joints)[0]
+    clip = load_clip("walk")
+    assert list(first.position) == pytest.approx(clip.values[0].tolist(), abs=1e-12)
+    until(lambda: probe.diagnostics(node).message == "active", "it plays")
+
+
 def test_lifecycle_by_hand(start_node, make_probe, until):
     namespace = "/player_by_hand"
     start_node("mocap_player", namespace, autostart=False, rate=RATE)

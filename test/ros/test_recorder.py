@@ -1,8 +1,11 @@
 """The recorder writes what was published, in a bag that others read."""
 
 import contextlib
+import subprocess
+import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -99,3 +102,27 @@ def test_failure_in_the_block_still_ends_the_threads(tmp_path):
     with pytest.raises(KeyboardInterrupt), Recorder(tmp_path / "bag"):
         raise KeyboardInterrupt
     assert not [t for t in threading.enumerate() if t.name in ("receive", "write")]
+
+
+@pytest.mark.parametrize("room", [50_000, 3_000_000])
+def test_a_full_disk_is_told_and_what_is_whole_can_be_read(tmp_path, publisher, room):
+    """A file may have so many bytes; then the process is refused more, as by a full disk."""
+    noise = np.random.default_rng(1).integers(0, 256, 100_000, np.uint8).tobytes()
+    points = publisher.create_publisher(PointCloud2, "garments/skirt/points", 10)
+    timer = publisher.create_timer(0.01, lambda: points.publish(PointCloud2(data=noise)))
+    words = [sys.executable, "-m", "soak.record", str(tmp_path / "bag"), str(room)]
+    tests = Path(__file__).parents[1]
+    done = subprocess.run(
+        words, cwd=tests, capture_output=True, text=True, check=False, timeout=120
+    )
+    publisher.destroy_timer(timer)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr == (
+        f"error: {tmp_path / 'bag'}: File too large: what is whole of it stays and can be read; "
+        "needed: room to write\n"
+    )
+    with AnyReader([tmp_path / "bag"]) as reader:
+        count = sum(1 for _ in reader.messages())
+    # A chunk of eleven messages takes 100,000 bytes: its noise is the same over and over.
+    assert count % 11 == 0
+    assert (count > 0) == (room > 100_000)
