@@ -91,9 +91,9 @@ def go_round(scene, length):
     begin = source.stamp + SECOND
     jumps = scene.fresh()["time_jumps"]
     rounds, source.loop = source.rounds, (begin, begin + round(length * SECOND))
-    scene.until(lambda: source.rounds >= rounds + 3, "three rounds")
-    # The cloth may not have heard of the last round.
-    assert 2 <= scene.fresh()["time_jumps"] - jumps <= source.rounds - rounds
+    # On a busy machine garments may be put on for longer than a round takes.
+    scene.until(lambda: scene.value("time_jumps") >= jumps + 2, "two new times")
+    assert scene.fresh()["time_jumps"] - jumps <= source.rounds - rounds
     stamps = scene.next(30)
     assert begin - PERIOD <= stamps.min()
     assert stamps.max() <= source.loop[1]
