@@ -6,6 +6,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, Pose, PoseArray, PoseStamped, Quaternion
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState, PointCloud2, PointField
@@ -14,6 +15,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.ros.cdr import encode
+from garment_sim_ros.ros.diagnostics_bytes import diagnostics
 from garment_sim_ros.ros.serialize import (
     Joints,
     PointCloud,
@@ -133,6 +135,15 @@ def test_joint_state(names):
         values = np.random.default_rng(i).normal(size=len(names))
         message = JointState(header=header(stamp), name=list(names), position=values.tolist())
         assert_same(template.fill(stamp, values), message)
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_diagnostics(count):
+    message = DiagnosticArray(header=header(STAMPS[1], ""))
+    for i in range(count):
+        values = [KeyValue(key="größe"[: i + k], value=f"{k}" * k) for k in range(2 * i)]
+        message.status.append(DiagnosticStatus(level=bytes([i]), name="n" * i, values=values))
+    assert_same(diagnostics(message), message)
 
 
 def test_posed_markers():

@@ -20,6 +20,7 @@ from garment_sim_ros.recording.worn_watch import WornWatch
 from garment_sim_ros.ros.cdr import encode
 from garment_sim_ros.ros.cloth_stepper import ClothStepper
 from garment_sim_ros.ros.conversions import JointStates, poses_from, text_from
+from garment_sim_ros.ros.diagnostics_bytes import diagnostics
 from garment_sim_ros.ros.dresser import dress
 from garment_sim_ros.ros.garment_messages import garment_marker, topology
 from garment_sim_ros.ros.garment_quality import GarmentQuality
@@ -45,7 +46,7 @@ from garment_sim_ros.stamps import SECOND
 
 Out = tuple[str, bytes]
 """Relative name and bytes of a message that is sent."""
-_MEASURED = SECOND // 2
+_MEASURED = SECOND
 """Time between two measurements of how much of a garment is in the skin [ns]."""
 _LOG = logging.getLogger(__name__)
 
@@ -230,7 +231,7 @@ class Cloth:
             status=[q.status({}, resets=stepper.resets) for q in self._qualities]
         )
         quality.header.stamp = Time(sec=stepper.time // SECOND, nanosec=stepper.time % SECOND)
-        yield QUALITY.name, encode(quality)
+        yield QUALITY.name, diagnostics(quality)
 
     def state(self) -> Iterator[bytes]:
         """All that the motion goes on from, garment by garment."""
