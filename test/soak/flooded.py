@@ -20,7 +20,8 @@ _BEGIN = 1000 * SECOND
 _WINDOW = 3.0
 """Frames are counted over so long [s]."""
 _ALONE = 15.0
-"""Before, without hostile ones, they are counted over so long [s]: a busy machine has fewer."""
+"""Before and after, without hostile ones, they are counted over so long [s]: a machine that is
+busy with other things has fewer."""
 
 
 class Good:
@@ -48,7 +49,7 @@ def run(lengths):
         sender = Sender(good.send)
         sender.start()
         avatar.follow(since=_BEGIN)
-        alone = _rates(avatar, _ALONE)
+        before = _rates(avatar, _ALONE)
         command = [sys.executable, "-m", "soak.send_hostile", avatar.namespace, str(good.stamp)]
         hostile = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert hostile.stdout is not None
@@ -58,11 +59,13 @@ def run(lengths):
         rates = _rates(avatar, 60.0 * lengths.minutes)
         grown = {name: avatar.memory(name) - begun[name] for name in names}
         hostile.terminate()
+        told = hostile.communicate()[0].split()
+        alone = min(np.mean(before), np.mean(_rates(avatar, _ALONE)))
         rows = [
-            Row("hostile messages", hostile.communicate()[0].split()[-1]),
+            Row("hostile messages", told[-1]),
             Row("valid messages", f"{sender.sent}"),
-            Row("frames that moved without them, mean", f"{np.mean(alone):.1f} Hz"),
-            at_least("frames that moved, mean", np.mean(rates), 0.95 * np.mean(alone), "Hz"),
+            Row("frames that moved before or after, mean", f"{alone:.1f} Hz"),
+            at_least("frames that moved, mean", np.mean(rates), 0.95 * alone, "Hz"),
             Row("frames that moved, median of 3 s", f"{np.median(rates):.1f} Hz"),
             Row("frames that moved, worst 3 s", f"{min(rates):.1f} Hz"),
             *(at_most(f"memory that {n} grew by", grown[n], 40.0, "MiB") for n in names),
