@@ -253,8 +253,8 @@ def make(
     tell("cutting", 1.0)
     if any(e.label in _OF_LEGS for p in pattern.panels.values() for e in p.edges):
         model = model.for_legs()
-    pieces = placed_clear(pieces, model.distance, model.body.name)
-    sewn = sew(pieces, model, PRESETS[fabric].material, tell=tell)
+    pieces, placed = placed_clear(pieces, model.distance, model.body.name)
+    sewn = sew(pieces, placed, model, PRESETS[fabric].material, tell=tell)
     if not np.isfinite(sewn.vertices).all():
         raise GeometryError(f"pattern {pattern.name!r}: it did not hold together as it was sewn")
     return Made(
