@@ -43,6 +43,15 @@ def test_a_skirt_passes_all_gates(skirt):
     assert not skirt.gates.failed, skirt.gates.lines()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("garment", ["long_sleeved_shirt", "trousers"])
+@pytest.mark.parametrize("name", ["mh_female_young.glb", "CesiumMan.glb"])
+def test_limbs_are_dressed_whatever_they_are_like(name, garment, data_file):
+    """Arms that are bent, thighs that touch."""
+    made = make(garment, Model(load_body(data_file("bodies", name))))
+    assert not made.gates.failed, made.gates.lines()
+
+
 def test_sizes_are_those_of_the_first_paper(tshirt, skirt):
     for made, vertices, triangles in ((tshirt, 1503, 2908), (skirt, 1687, 3264)):
         assert len(made.sewn.vertices) == pytest.approx(vertices, rel=0.05)

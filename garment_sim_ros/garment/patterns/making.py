@@ -32,7 +32,7 @@ from garment_sim_ros.garment.patterns.gates import Gates, gates
 from garment_sim_ros.garment.patterns.pattern import Pattern
 from garment_sim_ros.garment.patterns.pieces import Pieces, cut, edge_length_for
 from garment_sim_ros.garment.patterns.placing import placed_clear
-from garment_sim_ros.garment.patterns.sewing import Sewn, Tell, sew
+from garment_sim_ros.garment.patterns.sewing import PRESET, Sewn, Tell, sew
 from garment_sim_ros.garment.patterns.tape import Tape, measured
 from garment_sim_ros.garment.sewn_file import write_sewn
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
@@ -298,7 +298,7 @@ def worn_together(made: Mapping[str, Made], model: Model) -> dict[str, Made]:
         colliders=model.colliders,
         meshes={name: m.mesh for name, m in made.items()},
     )
-    simulation = Simulation(outfit, model.colliders)
+    simulation = Simulation(outfit, model.colliders, preset=PRESET)
     simulation.reset(model.poses)
     together = {}
     for name, m in made.items():

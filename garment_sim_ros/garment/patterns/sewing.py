@@ -52,7 +52,7 @@ _ROUNDS = 3
 """How often it is laid smooth and settled at most."""
 _THIN = 5e-4
 """Distance that cloth keeps from itself while it drapes [m]: more makes pinched cloth quiver."""
-_PRESET = "accurate"
+PRESET = "accurate"
 """Its finer steps let knits stretch by a sixth less: as much as they do."""
 
 Tell = Callable[[str, float], None]
@@ -150,7 +150,7 @@ def _draped(
         tell("draping", n / _ROUNDS)
         x = ironed(x, pieces.sewn_triangles)
         whole = replace(_whole(pieces, x, wearer, material), self_collision=_THIN)
-        simulation = Simulation(_banded(pieces, whole), wearer.colliders, preset=_PRESET)
+        simulation = Simulation(_banded(pieces, whole), wearer.colliders, preset=PRESET)
         simulation.reset(wearer.poses)
         x, rms, fastest = _come_to_rest(simulation, wearer.poses)
         if not len(self_intersections(x, pieces.sewn_triangles)):

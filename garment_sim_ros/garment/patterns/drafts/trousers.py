@@ -30,7 +30,7 @@ _LEAST_EASE = 0.03
 _BULGE = 0.02, 0.16, 0.005
 """How far the side seam's control point is outside of the hips: from, to, step [m], on a person of
 1.65 m."""
-_DRAWN_OUT = {"front": 1.0 / 16.0, "back": 1.0 / 8.0}
+_DRAWN_OUT = {"front": 1.0 / 20.0, "back": 1.0 / 10.0}
 """How far the crotch point is drawn out, as a share of the hips."""
 _SLANT = {"front": 0.012, "back": 0.03}
 """How far the middle leans in at the waist [m] on a person of 1.65 m."""
@@ -69,7 +69,7 @@ def _panel(name: str, half: str, tape: Tape, outward: bool, forward: float, away
     hip = (1.0 + _HIP_EASE) * hips / 4.0
     waist = min(((1.0 + _WAIST_EASE) * tape.waist.girth + STAND_OFF) / 4.0, hip)
     out = _DRAWN_OUT[half] * hips
-    out = max(out, (1.1 * tape.thigh + 0.05 * u) * (0.5 if half == "front" else 0.56) - hip)
+    out = max(out, (1.05 * tape.thigh + 0.03 * u) * (0.5 if half == "front" else 0.56) - hip)
     slant = min(_SLANT[half] * u, hip - waist)
     leg = 0.5 * max(1.25 * tape.ankle + 0.05 * u, 1.0 * tape.knee)
     crease = max(tape.foot_out, 0.5 * (hip - out))
