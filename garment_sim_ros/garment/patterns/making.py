@@ -29,6 +29,7 @@ from garment_sim_ros.garment.patterns.drafts.trousers import trousers
 from garment_sim_ros.garment.patterns.drafts.tshirt import long_sleeved_shirt, tshirt
 from garment_sim_ros.garment.patterns.garmentcode import read_garmentcode
 from garment_sim_ros.garment.patterns.gates import Gates, gates
+from garment_sim_ros.garment.patterns.parted import parted
 from garment_sim_ros.garment.patterns.pattern import Pattern
 from garment_sim_ros.garment.patterns.pieces import Pieces, cut, edge_length_for
 from garment_sim_ros.garment.patterns.placing import placed_clear
@@ -130,10 +131,12 @@ class Model:
         self.distance = MeshDistance(self.skin, body.skin.triangles)
 
     def for_legs(self) -> "Model":
-        """The same to sew what has legs on: a body without bones in convex parts."""
+        """The same to sew what has legs on: a body without bones, its legs parted."""
         if self.measures is not None:
             return self
-        return Model(self.body, cached_fit(self.body, ColliderOptions(), None))
+        tape = self.tape()
+        crotch, mid = tape.floor + tape.crotch, float(tape.waist.centre[1])
+        return Model(self.body, parted(self.colliders, self.poses, crotch, mid))
 
     def tape(self) -> Tape:
         """Its measurements.
