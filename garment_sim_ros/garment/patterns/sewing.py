@@ -44,6 +44,8 @@ _MEETS = 5e-4
 _LONGEST_SEWING = 4.0
 _QUIET = 0.01
 """RMS speed of a garment at rest [m/s]."""
+_FALLING = 0.5
+"""RMS speed from which on it has come off the body [m/s]: no more is tried."""
 _LONGEST_QUIET = 4.0
 """Longest time that a garment may take to come to rest after it was settled [s]."""
 _WATCHED = 0.5
@@ -153,7 +155,7 @@ def _draped(
         simulation = Simulation(_banded(pieces, whole), wearer.colliders, preset=PRESET)
         simulation.reset(wearer.poses)
         x, rms, fastest = _come_to_rest(simulation, wearer.poses)
-        if not len(self_intersections(x, pieces.sewn_triangles)):
+        if rms > _FALLING or not len(self_intersections(x, pieces.sewn_triangles)):
             break
     tell("draping", 1.0)
     return x, rms, fastest
