@@ -2,6 +2,7 @@
 
 import argparse
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from garment_sim_ros.garment.materials import PRESETS
 from garment_sim_ros.garment.patterns.making import DRAFTS, Made, Model, make, worn_together
 from garment_sim_ros.input_file import is_file
 from garment_sim_ros.recording.dress_pictures import draw_dressed
+from garment_sim_ros.recording.sewing_steps import draw_steps
 
 EXAMPLE = "garment-sim dress --body mannequin --garment tshirt --out tshirt.yaml"
 
@@ -54,6 +56,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--preview", metavar="F.png", type=Path, help="picture; default: F.png")
     parser.add_argument(
+        "--steps", metavar="F.png", type=Path, help="picture of the pieces flat, placed and sewn"
+    )
+    parser.add_argument(
         "--no-preview", action="store_true", help="draw no picture, which takes some seconds"
     )
     parser.add_argument(
@@ -85,7 +90,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         text = yaml.safe_dump({"version": 1, "garments": entries}, sort_keys=False)
         (stage / args.out.name).write_text(text, encoding="utf-8")
         if made and not args.no_preview:
-            _draw(model, made, args, stage)
+            picture = args.preview or args.out.with_suffix(".png")
+            _draw(draw_dressed, model, made, picture, stage, "--preview")
+        if made and args.steps:
+            _draw(draw_steps, model, made, args.steps, stage, "--steps")
     failed = {n: g["failed"] for n, g in figures.items() if g["failed"]}
     print(f"{args.out}: {', '.join(names)}")
     for name, gates in failed.items():
@@ -121,14 +129,21 @@ def _figures(name: str, made: Made) -> dict[str, Any]:
     }
 
 
-def _draw(model: Model, made: dict[str, Made], args: argparse.Namespace, stage: Path) -> None:
-    picture = args.preview or args.out.with_suffix(".png")
+def _draw(
+    draw: Callable[..., None],
+    model: Model,
+    made: dict[str, Made],
+    picture: Path,
+    stage: Path,
+    option: str,
+) -> None:
+    """Draws a picture, beside the outfit or elsewhere."""
     colours = [garment_colour(k) for k in range(len(made))]
     drawn = stage / picture.name
-    draw_dressed([*made.values()], colours, model.skin, model.body.skin.triangles, drawn)
-    if args.preview:
-        with staged(args.preview.parent, "--preview") as other:
-            drawn.replace(other / args.preview.name)
+    draw([*made.values()], colours, model.skin, model.body.skin.triangles, drawn)
+    if picture.parent.resolve() != stage.parent.resolve():
+        with staged(picture.parent, option) as other:
+            drawn.replace(other / picture.name)
 
 
 def _fit_mesh(

@@ -55,9 +55,9 @@ def draw_dressed(
         for m, c in zip(made, colours, strict=True)
     ]
     cloth = np.concatenate([m.sewn.vertices for m in made])
-    views = [_view([body, *worn], cloth, angle) for _, angle in _VIEWS]
+    views = [view_of([body, *worn], cloth, angle) for _, angle in _VIEWS]
     strained = [body, *(s for m in made for s in _strain_surfaces(m))]
-    views.append(_view(strained, cloth, 0.0))
+    views.append(view_of(strained, cloth, 0.0))
     row = Image.fromarray(np.concatenate(views, axis=1))
     draw = ImageDraw.Draw(row)
     for k, name in enumerate([*(name for name, _ in _VIEWS), "strain"]):
@@ -111,7 +111,7 @@ def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     return ImageFont.load_default(13)
 
 
-def _view(surfaces: Sequence[Surface], cloth: FloatArray, degrees: float) -> NDArray[np.uint8]:
+def view_of(surfaces: Sequence[Surface], cloth: FloatArray, degrees: float) -> NDArray[np.uint8]:
     """A picture of what is worn from a direction about the vertical."""
     low, high = cloth.min(axis=0), cloth.max(axis=0)
     middle = 0.5 * (low + high)

@@ -23,6 +23,8 @@ def test_a_skirt_is_sewn_written_and_worn(tmp_path, capsys):
                 "short_skirt",
                 "--edge-length",
                 "0.05",
+                "--steps",
+                str(tmp_path / "steps.png"),
                 "--out",
                 str(out),
                 "--json",
@@ -39,6 +41,7 @@ def test_a_skirt_is_sewn_written_and_worn(tmp_path, capsys):
         "skirt.yaml",
         "skirt_short_skirt.glb",
     ]
+    assert (tmp_path / "steps.png").read_bytes().startswith(b"\x89PNG")
     content = yaml.safe_load(out.read_text())
     assert content["garments"][0]["mesh"] == "skirt_short_skirt.glb"  # relative
     mesh = load_garment_mesh(out.parent / "skirt_short_skirt.glb")

@@ -9,7 +9,7 @@ from simple_patterns import panel, seam, tube
 from garment_sim_ros.errors import GeometryError, ParameterError
 from garment_sim_ros.garment.patterns.checking import check
 from garment_sim_ros.garment.patterns.curves import arc, bezier, lengths
-from garment_sim_ros.garment.patterns.pattern import Edge, Pattern, Placement, Seam, Stitch
+from garment_sim_ros.garment.patterns.pattern import Edge, Joint, Pattern, Placement, Seam, Stitch
 from garment_sim_ros.garment.patterns.pieces import cut, edge_length_for
 from garment_sim_ros.garment.patterns.seams import outlines
 from garment_sim_ros.garment.patterns.triangulation import (
@@ -40,6 +40,22 @@ def test_a_rolled_panel_keeps_its_widths():
     steps = np.linalg.norm(np.diff(placed, axis=0), axis=1)
     assert steps == pytest.approx(0.005, rel=1e-3)
     assert np.hypot(placed[:, 0], placed[:, 2] + 0.05) == pytest.approx(0.05)
+
+
+def test_a_rolled_panel_turns_with_its_limb():
+    around = np.linspace(0.0, 0.1 * np.pi, 13)
+    turn = np.array([0.5, 0.0, 0.0])
+    place = Placement(T_world_panel=np.eye(4), bend=0.05, joint=Joint(y=-0.2, turn=turn))
+    above, below = (place.placed(np.stack([around, np.full(13, y)], axis=1)) for y in (-0.1, -0.4))
+    assert np.hypot(above[:, 0], above[:, 2] + 0.05) == pytest.approx(0.05)
+    elbow = np.array([0.0, -0.2, -0.05])
+    axis = np.array([0.0, -np.cos(0.5), -np.sin(0.5)])  # where the fore arm leads
+    off = below - elbow
+    assert off @ axis == pytest.approx(0.2)
+    assert np.linalg.norm(off - np.outer(off @ axis, axis), axis=1) == pytest.approx(0.05)
+    # Farther down the limb the elbow stays where it is.
+    moved = place.along(0.05).placed(np.stack([around, np.full(13, -0.35)], axis=1))
+    assert moved == pytest.approx(below)
 
 
 def broken(change):

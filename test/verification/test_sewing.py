@@ -8,12 +8,13 @@ from simple_patterns import tube
 
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.garment.patterns.gates import LIMITS, gates, self_intersections
+from garment_sim_ros.garment.patterns.gates import LIMITS, gates
+from garment_sim_ros.garment.patterns.ironing import ironed, self_intersections
 from garment_sim_ros.garment.patterns.making import DRAFTS, Model, make
 from garment_sim_ros.garment.patterns.pieces import cut
 from garment_sim_ros.garment.patterns.placing import CLEARANCE, placed_clear
 from garment_sim_ros.garment.patterns.sewing import sew
-from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology, non_manifold_edges
+from garment_sim_ros.geometry.topology import boundary_loops, non_manifold_edges
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.simulation import Simulation
 
@@ -40,6 +41,20 @@ def test_a_t_shirt_passes_all_gates(tshirt):
 
 def test_a_skirt_passes_all_gates(skirt):
     assert not skirt.gates.failed, skirt.gates.lines()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "garment"),
+    [
+        ("mh_female_young.glb", "long_sleeved_shirt"),  # bent arms
+        ("CesiumMan.glb", "trousers"),  # legs close to each other
+        ("mh_proxy_female1605.obj", "trousers"),  # no bones
+    ],
+)
+def test_limbs_are_dressed_whatever_they_are_like(name, garment, data_file):
+    made = make(garment, Model(load_body(data_file("bodies", name))))
+    assert not made.gates.failed, made.gates.lines()
 
 
 def test_sizes_are_those_of_the_first_paper(tshirt, skirt):
@@ -108,8 +123,8 @@ def test_a_panel_that_faces_the_body_is_called_mirrored(model):
 
 def test_a_tube_too_narrow_for_the_body_is_not_called_done(model):
     pattern = moved(tube(width=0.1, other=0.3, height=0.3), [0.0, -0.05, 0.9], turned=("back",))
-    pieces = placed_clear(cut(pattern, 0.04), model.distance, "mannequin")
-    sewn = sew(pieces, model, Material())
+    pieces, placed = placed_clear(cut(pattern, 0.04), model.distance, "mannequin")
+    sewn = sew(pieces, placed, model, Material())
     found = gates(sewn, model.skin, model.body.skin.triangles, model.colliders, model.poses)
     # Stretched where it holds, falling where it does not.
     assert {"stretch_p95", "speed_mm_s"} & set(found.failed)
@@ -123,11 +138,29 @@ def test_a_pattern_far_from_the_body_is_refused(model):
 
 def test_self_intersections_are_found(tshirt):
     x, t = tshirt.sewn.vertices.copy(), tshirt.sewn.triangles
-    edges = mesh_topology(t).edges
-    assert not len(self_intersections(x, t, edges))
+    assert not len(self_intersections(x, t))
     low = np.argmin(x[:, 2])
     x[low] += [-0.4 * np.sign(x[low, 0]), 0.0, 0.15]  # a corner of the hem through the back
-    assert len(self_intersections(x, t, edges))
+    assert len(self_intersections(x, t))
+
+
+def test_what_is_tucked_into_itself_is_laid_smooth(tshirt):
+    x, t = tshirt.sewn.vertices.copy(), tshirt.sewn.triangles
+    under = np.argmin(np.linalg.norm(x - x[tshirt.pieces.welded[_corner(tshirt)]], axis=1))
+    near = np.linalg.norm(x - x[under], axis=1) < 0.05
+    x[near] += [0.0, -0.12 * np.sign(x[under, 1]), 0.06]  # an armpit through the trunk's front
+    assert len(self_intersections(x, t))
+    smooth = ironed(x, t)
+    assert not len(self_intersections(smooth, t))
+    still = np.linalg.norm(x - x[under], axis=1) > 0.3
+    assert np.array_equal(smooth[still], x[still])
+
+
+def _corner(made):
+    """A vertex of the front's underarm point."""
+    front = made.pieces.pattern.panels["front"]
+    own = np.flatnonzero(made.pieces.panel == 0)
+    return own[np.argmin(np.linalg.norm(made.pieces.flat[own] - front.corners[2], axis=1))]
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.pierced import PiercedSoFar
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.garment.patterns.ironing import self_intersections
 from garment_sim_ros.garment.patterns.sewing import Sewn
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import mesh_topology
@@ -79,7 +79,7 @@ def gates(
         figures={
             "penetration_mm_p99": max(0.0, 1e3 * float(np.percentile(depth, 99.0))),
             "pierced": float(len(through)),
-            "self_intersections": float(len(self_intersections(x, t, edges))),
+            "self_intersections": float(len(self_intersections(x, t))),
             "seam_gap_mm": 1e3 * max(sewn.gaps, default=0.0),
             "stretch_p95": float(np.percentile(stretch, 95.0)),
             "speed_mm_s": 1e3 * sewn.rms_speed,
@@ -94,34 +94,3 @@ def strains(sewn: Sewn, edges: IntArray) -> FloatArray:
     rest = edge_lengths(upright(sewn.flat, len(sewn.flat), "sewn"), sewn.triangles, edges)
     strain: FloatArray = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) / rest - 1.0
     return strain
-
-
-def self_intersections(x: FloatArray, triangles: IntArray, edges: IntArray) -> IntArray:
-    """Edges that run through a triangle that they have no vertex in common with, shape [k, 2]."""
-    centre = x[triangles].mean(axis=1)
-    reach = np.linalg.norm(x[triangles] - centre[:, None], axis=2).max()
-    middle = x[edges].mean(axis=1)
-    half = 0.5 * np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1)
-    found = cKDTree(centre).query_ball_point(middle, reach + half)
-    e = np.repeat(np.arange(len(edges)), [len(f) for f in found])
-    t = np.concatenate([np.asarray(f, np.int64) for f in found]) if len(e) else e
-    apart = (edges[e][:, :, None] != triangles[t][:, None, :]).all(axis=(1, 2))
-    e, t = e[apart], t[apart]
-    hit = _passes(x[edges[e, 0]], x[edges[e, 1]], *(x[triangles[t, k]] for k in range(3)))
-    return edges[np.unique(e[hit])]
-
-
-def _passes(
-    p: FloatArray, q: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray
-) -> np.ndarray:
-    """Whether segments pq run through triangles abc."""
-    u, v, d = b - a, c - a, q - p
-    normal = np.cross(u, v)
-    slope = (normal * d).sum(axis=1)
-    steep = np.abs(slope) > 1e-18
-    s = ((a - p) * normal).sum(axis=1) / np.where(steep, slope, 1.0)
-    w = p + s[:, None] * d - a
-    squared = np.maximum((normal**2).sum(axis=1), 1e-30)
-    beta = (np.cross(w, v) * normal).sum(axis=1) / squared
-    gamma = (np.cross(u, w) * normal).sum(axis=1) / squared
-    return steep & (s > 0.0) & (s < 1.0) & (beta > 0.0) & (gamma > 0.0) & (beta + gamma < 1.0)

@@ -29,10 +29,11 @@ from garment_sim_ros.garment.patterns.drafts.trousers import trousers
 from garment_sim_ros.garment.patterns.drafts.tshirt import long_sleeved_shirt, tshirt
 from garment_sim_ros.garment.patterns.garmentcode import read_garmentcode
 from garment_sim_ros.garment.patterns.gates import Gates, gates
+from garment_sim_ros.garment.patterns.parted import parted
 from garment_sim_ros.garment.patterns.pattern import Pattern
 from garment_sim_ros.garment.patterns.pieces import Pieces, cut, edge_length_for
 from garment_sim_ros.garment.patterns.placing import placed_clear
-from garment_sim_ros.garment.patterns.sewing import Sewn, Tell, sew
+from garment_sim_ros.garment.patterns.sewing import PRESET, Sewn, Tell, sew
 from garment_sim_ros.garment.patterns.tape import Tape, measured
 from garment_sim_ros.garment.sewn_file import write_sewn
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
@@ -130,10 +131,12 @@ class Model:
         self.distance = MeshDistance(self.skin, body.skin.triangles)
 
     def for_legs(self) -> "Model":
-        """The same to sew what has legs on: a body without bones in convex parts."""
+        """The same to sew what has legs on: a body without bones, its legs parted."""
         if self.measures is not None:
             return self
-        return Model(self.body, cached_fit(self.body, ColliderOptions(), None))
+        tape = self.tape()
+        crotch, mid = tape.floor + tape.crotch, float(tape.waist.centre[1])
+        return Model(self.body, parted(self.colliders, self.poses, crotch, mid))
 
     def tape(self) -> Tape:
         """Its measurements.
@@ -253,8 +256,8 @@ def make(
     tell("cutting", 1.0)
     if any(e.label in _OF_LEGS for p in pattern.panels.values() for e in p.edges):
         model = model.for_legs()
-    pieces = placed_clear(pieces, model.distance, model.body.name)
-    sewn = sew(pieces, model, PRESETS[fabric].material, tell=tell)
+    pieces, placed = placed_clear(pieces, model.distance, model.body.name)
+    sewn = sew(pieces, placed, model, PRESETS[fabric].material, tell=tell)
     if not np.isfinite(sewn.vertices).all():
         raise GeometryError(f"pattern {pattern.name!r}: it did not hold together as it was sewn")
     return Made(
@@ -298,7 +301,7 @@ def worn_together(made: Mapping[str, Made], model: Model) -> dict[str, Made]:
         colliders=model.colliders,
         meshes={name: m.mesh for name, m in made.items()},
     )
-    simulation = Simulation(outfit, model.colliders)
+    simulation = Simulation(outfit, model.colliders, preset=PRESET)
     simulation.reset(model.poses)
     together = {}
     for name, m in made.items():

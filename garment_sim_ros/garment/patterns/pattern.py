@@ -6,10 +6,11 @@ against each other, as in any surface with one outside, unless the stitch turns 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.garment.patterns.curves import arc, bezier, lengths, signed_area
@@ -44,6 +45,19 @@ class Edge:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Joint:
+    """Where the limb that a panel is rolled around turns, as an arm does at its elbow.
+
+    Attributes:
+        y: Place along the panel's y [m]; what lies below is turned.
+        turn: Axis of the turn in the panel's frame, as long as its angle [rad], shape [3].
+    """
+
+    y: float
+    turn: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
 class Placement:
     """Where a panel starts.
 
@@ -51,20 +65,48 @@ class Placement:
         T_world_panel: From the panel's plane to the world in the body's rest pose, shape [4, 4].
         bend: Radius of a cylinder about the panel's y that it is rolled on, its inside inwards, x
             = 0 staying where it is [m]; infinite: it is flat.
+        joint: Where that cylinder's axis turns; None: nowhere.
     """
 
     T_world_panel: FloatArray
     bend: float = np.inf
+    joint: Joint | None = None
+
+    @property
+    def rolled(self) -> bool:
+        """Whether it is around a limb."""
+        return bool(np.isfinite(self.bend))
+
+    def moved(self, by: FloatArray) -> "Placement":
+        """The same elsewhere, by [m] in the world, shape [3]."""
+        T = self.T_world_panel.copy()
+        T[:3, 3] += by
+        return replace(self, T_world_panel=T)
+
+    def along(self, way: float) -> "Placement":
+        """The same farther down the limb that it is around [m]; the limb's joint stays."""
+        joint = self.joint and replace(self.joint, y=self.joint.y + way)
+        return replace(self.moved(-way * self.T_world_panel[:3, 1]), joint=joint)
 
     def placed(self, flat: FloatArray) -> FloatArray:
         """Points of the panel [n, 2] in the world [m], shape [n, 3]."""
         x, y = np.asarray(flat, dtype=np.float64).T
         z = np.zeros_like(x)
-        if np.isfinite(self.bend):
+        if self.rolled:
             angle = x / self.bend
             x, z = self.bend * np.sin(angle), self.bend * (np.cos(angle) - 1.0)
         local = np.stack([x, y, z], axis=1)
+        if self.joint is not None:
+            local = self._turned(local, self.joint)
         return local @ self.T_world_panel[:3, :3].T + self.T_world_panel[:3, 3]
+
+    def _turned(self, local: FloatArray, joint: Joint) -> FloatArray:
+        """Points whose part below the joint is turned; within a radius of it by less."""
+        pivot = np.array([0.0, joint.y, -self.bend])
+        share = np.clip(0.5 - 0.5 * (local[:, 1] - joint.y) / self.bend, 0.0, 1.0)
+        turned = Rotation.from_rotvec(share[:, None] * joint.turn)
+        moved: FloatArray = pivot + turned.apply(local - pivot)
+        return moved
 
 
 @dataclass(frozen=True, kw_only=True)

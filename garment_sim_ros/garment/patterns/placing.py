@@ -24,13 +24,16 @@ _HIGHEST, _LIFT_STEP = 0.12, 0.01
 _OVER = 0.008
 """Distance from the skin that ways keep [m]."""
 _STEPS = 60
+_PUSHES = 3
 _FARTHEST = 0.8
 """How far a panel is moved at most [m]."""
+_FARTHEST_ALONG = 0.3
+"""How far a rolled panel is moved along its limb at most [m]."""
 _TOO_FAR = 1.0
 """Distance from the body at which a pattern is not around it [m]."""
 
 
-def placed_clear(pieces: Pieces, body: MeshDistance, body_name: str) -> Pieces:
+def placed_clear(pieces: Pieces, body: MeshDistance, body_name: str) -> tuple[Pieces, FloatArray]:
     """The pieces with every panel moved out until it is clear of the body.
 
     A flat panel moves along its outside, a rolled one along the limb that it is rolled around,
@@ -43,6 +46,9 @@ def placed_clear(pieces: Pieces, body: MeshDistance, body_name: str) -> Pieces:
         body: The skin that they must not touch.
         body_name: What messages call it.
 
+    Returns:
+        The pieces, and where their vertices start [m], shape [n, 3].
+
     Raises:
         GeometryError: A panel is nowhere near the body, faces it with the wrong side, or does not
             come clear of it; the message names it.
@@ -54,28 +60,57 @@ def placed_clear(pieces: Pieces, body: MeshDistance, body_name: str) -> Pieces:
         own = pieces.panel == k
         triangles = pieces.triangles[own[pieces.triangles[:, 0]]] - int(np.flatnonzero(own)[0])
         what = f"pattern {pattern.name!r}: panel {name!r}"
-        start = x[own]
-        _check_side(what, start, triangles, body, body_name)
-        way = _way_out(what, panel, start, body, body_name)
-        T = panel.placement.T_world_panel.copy()
-        T[:3, 3] += way
-        panels[name] = replace(
-            panel, placement=Placement(T_world_panel=T, bend=panel.placement.bend)
-        )
+        _check_side(what, x[own], triangles, body, body_name)
+        if panel.placement.rolled:
+            place = _down_the_limb(panel.placement, pieces.flat[own], body)
+        else:
+            place = panel.placement.moved(_way_out(what, panel, x[own], body, body_name))
+        panels[name] = replace(panel, placement=place)
     clear = pieces.with_pattern(replace(pattern, panels=panels))
-    return _raised(clear, _lift(clear, body))
+    clear = _raised(clear, _lift(clear, body))
+    return clear, _pushed_out(clear.placed(), body)
+
+
+def _pushed_out(x: FloatArray, body: MeshDistance) -> FloatArray:
+    """Points, those that are still in the body or too near to it moved out [m], shape [n, 3].
+
+    What is rolled around an arm may be too close for a thumb or the root of the arm.
+    """
+    for _ in range(_PUSHES):
+        gap, closest, _ = body.signed_distance(x)
+        near = gap < 0.5 * _ROLLED
+        if not near.any():
+            break
+        out = (x[near] - closest[near]) * np.sign(gap[near])[:, None]
+        out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
+        x = x.copy()
+        x[near] = closest[near] + _ROLLED * out
+    return x
 
 
 def _raised(pieces: Pieces, lift: float) -> Pieces:
-    """The pieces so much higher [m]."""
-    panels = {}
-    for name, panel in pieces.pattern.panels.items():
-        T = panel.placement.T_world_panel.copy()
-        # What is rolled around a limb stays around it.
-        T[2, 3] += lift if not np.isfinite(panel.placement.bend) else 0.0
-        place = Placement(T_world_panel=T, bend=panel.placement.bend)
-        panels[name] = replace(panel, placement=place)
+    """The pieces so much higher [m]; what is rolled around a limb stays around it."""
+    panels = {
+        name: panel
+        if panel.placement.rolled
+        else replace(panel, placement=panel.placement.moved(np.array([0.0, 0.0, lift])))
+        for name, panel in pieces.pattern.panels.items()
+    }
     return pieces.with_pattern(replace(pieces.pattern, panels=panels))
+
+
+def _down_the_limb(place: Placement, flat: FloatArray, body: MeshDistance) -> Placement:
+    """Where a rolled panel is clear of the trunk, as near to it as it can be.
+
+    Where a hand or foot is wider than the roll no place is clear: then the one where the fewest
+    points are in the body.
+    """
+    ways = np.arange(0.0, _FARTHEST_ALONG, _LIFT_STEP)
+    blocked = [
+        int((body.signed_distance(place.along(way).placed(flat))[0] < _ROLLED).sum())
+        for way in ways
+    ]
+    return place.along(float(ways[int(np.argmin(blocked))]))
 
 
 def _lift(pieces: Pieces, body: MeshDistance) -> float:
@@ -113,12 +148,6 @@ def _on_top(pieces: Pieces) -> IntArray:
     return np.concatenate([pairs for height, pairs in found if height > top - _LEVEL])
 
 
-def away(panel: Panel) -> FloatArray:
-    """Direction in which a panel gets away from the body, shape [3]."""
-    T = panel.placement.T_world_panel
-    return -T[:3, 1] if np.isfinite(panel.placement.bend) else T[:3, 2]
-
-
 def _check_side(
     what: str, x: FloatArray, triangles: FloatArray, body: MeshDistance, body_name: str
 ) -> None:
@@ -142,11 +171,9 @@ def _way_out(
     what: str, panel: Panel, x: FloatArray, body: MeshDistance, body_name: str
 ) -> FloatArray:
     """How far to move a panel [m], shape [3]."""
-    direction = away(panel)
-    rolled = np.isfinite(panel.placement.bend)
-    clear = _ROLLED if rolled else CLEARANCE
+    direction, clear = panel.placement.T_world_panel[:3, 2], CLEARANCE
     # What is farther away than it need be has a longer way to go as it is sewn.
-    moved = 0.0 if rolled else min(0.0, clear - float(body.signed_distance(x)[0].min()))
+    moved = min(0.0, clear - float(body.signed_distance(x)[0].min()))
     for _ in range(_STEPS):
         gap = float(body.signed_distance(x + moved * direction)[0].min())
         if gap >= clear:

@@ -7,6 +7,8 @@ twice that behind, and a leg that narrows to the hem about its crease. The formu
 
 import numpy as np
 
+from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.garment.patterns.curves import bezier
 from garment_sim_ros.garment.patterns.drafts.upper import (
     STAND_OFF,
     facing,
@@ -23,8 +25,13 @@ _MIRRORED = {HEM: 0, INSEAM: 1, CROTCH: 2, WAIST: 3, SIDE: 4}
 _Points = tuple[tuple[float, float], ...]
 _HIP_EASE = 0.09
 _WAIST_EASE = 0.015
-_DRAWN_OUT = {"front": 1.0 / 15.0, "back": 1.0 / 7.0}
-"""How far the crotch point is drawn out, as a share of half the hips."""
+_LEAST_EASE = 0.03
+"""Ease of all girths in between, at least."""
+_BULGE = 0.02, 0.16, 0.005
+"""How far the side seam's control point is outside of the hips: from, to, step [m], on a person of
+1.65 m."""
+_DRAWN_OUT = {"front": 1.0 / 20.0, "back": 1.0 / 10.0}
+"""How far the crotch point is drawn out, as a share of the hips."""
 _SLANT = {"front": 0.012, "back": 0.03}
 """How far the middle leans in at the waist [m] on a person of 1.65 m."""
 _RISE = {"front": 0.0, "back": 0.04}
@@ -58,10 +65,11 @@ def _panel(name: str, half: str, tape: Tape, outward: bool, forward: float, away
     u = unit(tape)
     top, low = tape.waist.height, tape.crotch - 0.025 * u
     hem = 0.05 * tape.height
-    hip = (1.0 + _HIP_EASE) * widest(tape, tape.crotch - 0.01, top) / 4.0
+    hips = widest(tape, tape.crotch - 0.01, top)
+    hip = (1.0 + _HIP_EASE) * hips / 4.0
     waist = min(((1.0 + _WAIST_EASE) * tape.waist.girth + STAND_OFF) / 4.0, hip)
-    out = 2.0 * hip * _DRAWN_OUT[half]
-    out = max(out, (1.1 * tape.thigh + 0.05 * u) * (0.5 if half == "front" else 0.56) - hip)
+    out = _DRAWN_OUT[half] * hips
+    out = max(out, (1.05 * tape.thigh + 0.03 * u) * (0.5 if half == "front" else 0.56) - hip)
     slant = min(_SLANT[half] * u, hip - waist)
     leg = 0.5 * max(1.25 * tape.ankle + 0.05 * u, 1.0 * tape.knee)
     crease = max(tape.foot_out, 0.5 * (hip - out))
@@ -78,8 +86,12 @@ def _panel(name: str, half: str, tape: Tape, outward: bool, forward: float, away
     knee = 0.55 * tape.crotch
     inner: _Points = ((-out + 0.45 * (out + crease - 0.5 * leg), low - 0.25 * (low - knee)),)
     outer = crease + 0.5 * leg
-    side: _Points = ((outer + 0.02 * u, knee), (hip + 0.02 * u, hip_height + 0.02 * u))
     bend: _Points = ((0.0, low + 0.25 * (top - low)), (0.1 * out, low))
+    middle = bezier(np.array([corners[3], *bend, corners[4]]))
+    for bulge in np.arange(*_BULGE) * u:
+        side: _Points = ((outer + 0.02 * u, knee), (hip + bulge, hip_height + 0.02 * u))
+        if _has_room(tape, top, middle, bezier(np.array([corners[1], *side, corners[2]]))):
+            break
     curves = {SIDE: side, CROTCH: bend, INSEAM: inner}
     labels = ("hem", "side", "waist", "crotch", "inseam")
     if not outward:
@@ -101,6 +113,23 @@ def _panel(name: str, half: str, tape: Tape, outward: bool, forward: float, away
         placement=Placement(T_world_panel=T),
         label="leg",
     )
+
+
+def _has_room(tape: Tape, top: float, middle: FloatArray, side: FloatArray) -> bool:
+    """Whether a panel is as wide as a quarter of the body from the crotch to the waist.
+
+    Args:
+        tape: The body.
+        top: Height of the waist [m].
+        middle: The crotch seam from the waist down [m], shape [n, 2].
+        side: The side seam from the hem up, likewise.
+    """
+    levels = [v for v in tape.levels if tape.crotch < v.height < top]
+    z = np.array([v.height for v in levels])
+    inner = np.interp(z, middle[::-1, 1], middle[::-1, 0])
+    width = np.interp(z, side[:, 1], side[:, 0]) - np.maximum(inner, 0.0)
+    least = 0.25 * (1.0 + _LEAST_EASE) * np.array([v.girth for v in levels])
+    return bool((width[z < top - 0.02] >= least[z < top - 0.02]).all())
 
 
 def _other(side: str) -> str:

@@ -20,6 +20,7 @@ from garment_sim_ros.garment.patterns.drafts.upper import (
     UNDER_PLUS,
     Trunk,
     armhole,
+    crown_height,
     facing,
     front_and_back,
     sleeve_panel,
@@ -34,10 +35,13 @@ _EASE = 0.11
 """Ease of the bust, as a share of it."""
 _HEM_EASE = 0.05
 """The same of the widest girth above the hem."""
-_ARM_EASE = 0.1
+_ARM_EASE = 0.085
 """Ease of the sleeve [m] on a person of 1.65 m."""
-_BELOW_ARMPIT = 0.05
-"""How far the underarm point is below the armpit [m], likewise."""
+_BELOW_ARMPIT = 0.05, 0.1
+"""How far the underarm point is below the armpit, at least and at most [m], likewise."""
+_CROWN = 0.27
+"""Height of the sleeve's crown, as a share of its width: so a tube is cut that leaves the trunk at
+40 degrees below the horizontal."""
 _SLEEVE = 0.4
 """Length of a short sleeve, as a share of the arm."""
 
@@ -53,11 +57,16 @@ def long_sleeved_shirt(tape: Tape) -> Pattern:
 
 
 def _shirt(name: str, tape: Tape, sleeve: float) -> Pattern:
-    size = trunk_sizes(tape)
-    hem, top = size["front"].hem[0], size["front"].neck[0]
-    x_front, x_back = front_and_back(tape, hem, top)
-    front = trunk_panel("front", size["front"], facing(tape, 1.0, x_front))
-    back = trunk_panel("back", size["back"], facing(tape, -1.0, x_back))
+    u = unit(tape)
+    width = max(arm.upper for arm in tape.arms) + _ARM_EASE * u
+    # As deep an armhole as the crown is long.
+    for below in np.linspace(*_BELOW_ARMPIT, 11) * u:
+        size = trunk_sizes(tape, below=below)
+        x_front, x_back = front_and_back(tape, size["front"].hem[0], size["front"].neck[0])
+        front = trunk_panel("front", size["front"], facing(tape, 1.0, x_front))
+        back = trunk_panel("back", size["back"], facing(tape, -1.0, x_back))
+        if crown_height(armhole(front) + armhole(back), width) >= _CROWN * width:
+            break
     panels = {
         "front": front,
         "back": back,
@@ -66,17 +75,20 @@ def _shirt(name: str, tape: Tape, sleeve: float) -> Pattern:
     return Pattern(name=name, panels=panels, stitches=shirt_stitches())
 
 
-def trunk_sizes(tape: Tape, hem: float | None = None) -> dict[str, Trunk]:
+def trunk_sizes(
+    tape: Tape, hem: float | None = None, below: float | None = None
+) -> dict[str, Trunk]:
     """Sizes of front and back.
 
     Args:
         tape: The body.
         hem: Height of the hem [m]; None: a little above the hips.
+        below: How far the underarm point is below the armpit [m]; None: as little as it may.
     """
     u = unit(tape)
     if hem is None:
         hem = tape.waist.height - 0.8 * (tape.waist.height - tape.crotch)
-    underarm = tape.armpit - _BELOW_ARMPIT * u
+    underarm = tape.armpit - (_BELOW_ARMPIT[0] * u if below is None else below)
     chest = (1.0 + _EASE) * max(tape.bust.girth, widest(tape, tape.waist.height, underarm)) / 4.0
     hips = (1.0 + _HEM_EASE) * widest(tape, hem, tape.waist.height) / 4.0
     neck = 0.5 * tape.neck_base.size[1] + 0.012 * u

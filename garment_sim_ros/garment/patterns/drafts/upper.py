@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.constants import PERSON_HEIGHT
 from garment_sim_ros.garment.patterns.curves import bezier, lengths
-from garment_sim_ros.garment.patterns.pattern import Edge, Panel, Placement, loop
+from garment_sim_ros.garment.patterns.pattern import Edge, Joint, Panel, Placement, loop
 from garment_sim_ros.garment.patterns.tape import Tape
 from garment_sim_ros.garment.patterns.tape_arms import Arm
 
@@ -172,9 +172,21 @@ def sleeve_panel(
         name=name,
         corners=corners,
         edges=edges,
-        placement=Placement(T_world_panel=T, bend=radius),
+        placement=Placement(T_world_panel=T, bend=radius, joint=_elbow(arm, rise, T[:3, :3])),
         label="arm",
     )
+
+
+def _elbow(arm: Arm, rise: float, R_world_panel: FloatArray) -> Joint:
+    """Where a sleeve turns, whose crown's top is at the shoulder, `rise` up its y."""
+    fore = arm.wrist_place - arm.elbow
+    fore /= np.linalg.norm(fore)
+    turn = np.cross(arm.direction, fore)
+    sine = float(np.linalg.norm(turn))
+    if sine > 0.0:
+        turn *= np.arctan2(sine, float(arm.direction @ fore)) / sine
+    far = float(np.linalg.norm(arm.elbow - arm.shoulder))
+    return Joint(y=rise - far, turn=R_world_panel.T @ turn)
 
 
 def _crown_controls(half: float, rise: float) -> tuple[tuple[float, float], ...]:

@@ -1,0 +1,56 @@
+"""The one shape of a body without bones, parted into trunk and legs.
+
+Cloth is kept from the core of each shape, the middle of its long axis: that of a whole body runs
+on between its legs, where trousers are.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
+from garment_sim_ros.contact.kinds.sdf import SDF
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.geometry.transforms import transform_from, transform_points
+
+_BELOW, _ABOVE = 0.03, 0.05
+"""How far the trunk reaches below the crotch, and legs above it [m]: parts overlap."""
+
+
+def parted(colliders: ColliderSet, poses: ColliderPoses, crotch: float, mid: float) -> ColliderSet:
+    """Colliders with their sampled distances cut at the crotch and at the mid-plane.
+
+    Args:
+        colliders: Colliders; sampled ones are parted.
+        poses: Where they are.
+        crotch: Height of the crotch in the world [m].
+        mid: The mid-plane's y in the world [m].
+    """
+    made: list[Collider] = []
+    for k, collider in enumerate(colliders.colliders):
+        if collider.kind != SDF.name:
+            made.append(collider)
+            continue
+        grid = DistanceGrid.of(collider.geometry)
+        nodes = np.indices(grid.distance.shape).reshape(3, -1).T * grid.cell + grid.low
+        T_world_grid = transform_from(poses.position[k], poses.orientation[k])
+        _, y, z = transform_points(T_world_grid, nodes).T
+        below = z - crotch - _ABOVE
+        beyond = {
+            "trunk": crotch - _BELOW - z,
+            "left_leg": np.maximum(below, mid - y),
+            "right_leg": np.maximum(below, y - mid),
+        }
+        made += [
+            replace(collider, name=f"{collider.name}_{part}", geometry=_cut(grid, outside))
+            for part, outside in beyond.items()
+        ]
+    return replace(colliders, colliders=tuple(made))
+
+
+def _cut(grid: DistanceGrid, outside: FloatArray) -> dict[str, object]:
+    """The part of a shape that is inside of something else as well, whose distances are given."""
+    values = grid.step * grid.distance.astype(np.float64)
+    cut = DistanceGrid.sampled(grid.cell, np.maximum(values, outside.reshape(values.shape)))
+    return cut.geometry()
