@@ -3,10 +3,10 @@
 Trunk and thighs are polytopes, the support of their skin in sampled directions; lower arm and hand
 are spheres along their bones. Where one of these is nearer to a polytope than `_GAP`, the whole
 arm is turned about the shoulder; what is clear stays as it is. A first pose is cleared by the
-smallest turn away from the axes of what it is in. From then on arms are pushed: the turn shrinks at
-`_RATE`, and whatever is in the way moves the arm ahead of it, as a thigh that is kicked up takes
-along a hand. So an arm never passes through what it was beside, and does not twitch where another
-way out becomes the shorter one.
+smallest turn away from the axes of what it is in. From then on arms are pushed: the turn shrinks,
+and whatever is in the way moves the arm ahead of it, as a thigh that is kicked up takes along a
+hand. So an arm does not pass through what it was beside, nor twitch where another way out becomes
+the shorter one.
 """
 
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ _CLOSE = 1e-4
 _SHORTEST = 0.05
 """Shortest lever [m]: what is pushed towards the shoulder stays."""
 _BLOCKED = 0.5
-"""An arm that is not home so long after the source's was clear goes home through what is there [s]."""
+"""So long after the source's arm is clear its own goes home through what is in the way [s]."""
 _LONGEST = 0.25
 """Poses farther apart than this [s] have nothing to do with each other."""
 _ALONG_ARM = (0.0, 0.35, 0.7, 1.0)
@@ -172,7 +172,7 @@ class Arms:
         T: FloatArray,
         dt: float,
     ) -> FloatArray:
-        """Rotation vector of an arm that goes home, and is pushed by what it meets [rad], shape [3].
+        """Rotation vector of an arm on its way home, pushed by what it meets [rad], shape [3].
 
         Args:
             side: Which arm.
@@ -260,7 +260,8 @@ class Arms:
         world = (shoulder + centre).reshape(-1, 3)
         heights = np.stack(
             [
-                ((world - T[part.joint, :3, 3]) @ T[part.joint, :3, :3]) @ _NORMALS.T - part.support
+                ((world - T[part.joint, :3, 3]) @ T[part.joint, :3, :3]) @ _NORMALS.T
+                - part.support
                 for part in self._parts
             ]
         )
