@@ -40,7 +40,7 @@ class JumpMeter:
     """
 
     def __init__(self, skin_vertices: FloatArray, under: float = UNDER) -> None:
-        self._under = under
+        self._reach = under
         cell = np.floor(np.asarray(skin_vertices) / _SPACING).astype(np.int64)
         self._some = np.unique(cell, axis=0, return_index=True)[1]
         self._before: tuple[FloatArray, dict[str, FloatArray]] | None = None
@@ -68,7 +68,7 @@ class JumpMeter:
         of_skin = now[0] - before[0]
         trees = cKDTree(before[0]), cKDTree(now[0])
         far = max(
-            (_farthest(trees, of_skin, before[1][n], now[1][n], self._under) for n in garments),
+            (_farthest(trees, of_skin, before[1][n], now[1][n], self._reach) for n in garments),
             default=0.0,
         )
         self.largest = max(self.largest, far)

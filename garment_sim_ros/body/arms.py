@@ -34,6 +34,8 @@ _RATE = 4.0
 """How fast an arm goes back to where the source has it [rad/s]."""
 _SLOWEST = 0.2
 """The same while something is in the way."""
+_DOUBLES = 1 / 60
+"""Time in which it becomes twice as fast after that [s]."""
 _PUSH_RATE = 20.0
 """How fast it is pushed [rad/s]; what kicks it moves at up to 10 m/s, half a metre off."""
 _PUSHES = 16
@@ -42,8 +44,6 @@ _CLOSE = 1e-4
 """Shortage of room that is left [m]."""
 _SHORTEST = 0.05
 """Shortest lever [m]: what is pushed towards the shoulder stays."""
-_BLOCKED = 0.5
-"""So long after the source's arm is clear its own goes home through what is in the way [s]."""
 _LONGEST = 0.25
 """Poses farther apart than this [s] have nothing to do with each other."""
 _ALONG_ARM = (0.0, 0.35, 0.7, 1.0)
@@ -122,7 +122,6 @@ class Arms:
         self._parts = tuple(_part(body, T, bone, skins[bone]) for bone in trunk)
         self._arms = tuple(_arm(body, T, side, skins) for side in SIDES)
         self.turn = np.zeros((2, 3))
-        self._clear_for = np.zeros(2)
         self._speed = np.full(2, _SLOWEST)
         self._time: float | None = None
 
@@ -154,7 +153,7 @@ class Arms:
                 own_side = shoulder - T_world_joint[arm.opposite, :3, 3]
                 own_side /= max(float(np.linalg.norm(own_side)), 1e-9)
                 turn = self._way_out(centre, shoulder, own_side, arm.radius, T_world_joint)
-                self._clear_for[side] = 0.0
+                self._speed[side] = _SLOWEST
             self.turn[side] = turn @ R_carrier
             if turn.any():
                 R = Rotation.from_rotvec(turn).as_matrix()
@@ -188,9 +187,6 @@ class Arms:
         is_clear = self._gaps(centre[None], shoulder, arm.radius, T)[0].min() >= self._gap
         if angle == 0.0 and is_clear:
             return was
-        self._clear_for[side] = self._clear_for[side] + dt if is_clear else 0.0
-        if self._clear_for[side] > _BLOCKED:
-            return was * max(0.0, 1.0 - _RATE * dt / max(angle, 1e-9))
         turn = was * max(0.0, 1.0 - self._speed[side] * dt / max(angle, 1e-9))
         at = Rotation.from_rotvec(turn)
         for _ in range(_PUSHES):
@@ -210,9 +206,9 @@ class Arms:
             at = Rotation.from_rotvec(most * change) * start
         pushed = at.as_rotvec()
         length = float(np.linalg.norm(pushed))
-        # Twice as fast each time, as long as nothing is in the way.
-        came = 2.0 * (angle - length) / max(dt, 1e-9)
-        self._speed[side] = min(max(came, _SLOWEST), _RATE)
+        # Faster and faster, as long as nothing is in the way.
+        came = (angle - length) / max(dt, 1e-9)
+        self._speed[side] = min(max(came * 2.0 ** (dt / _DOUBLES), _SLOWEST), _RATE)
         return np.asarray(pushed * min(1.0, _MOST / max(length, 1e-9)))
 
     def _way_out(
