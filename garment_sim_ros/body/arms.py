@@ -198,7 +198,10 @@ class Arms:
                 break
             n = T[self._parts[part].joint, :3, :3] @ _NORMALS[normal[part, 0, sphere]]
             lever = np.cross(x[sphere], n)
-            at = Rotation.from_rotvec(lever * (short / max(lever @ lever, _SHORTEST**2))) * at
+            at = (
+                Rotation.from_rotvec(lever * (short / max(float(lever @ lever), _SHORTEST**2)))
+                * at
+            )
         start = Rotation.from_rotvec(was)
         change = (at * start.inv()).as_rotvec()
         most = _PUSH_RATE * dt / max(float(np.linalg.norm(change)), 1e-9)
