@@ -19,8 +19,10 @@ JUMP = 0.05
 """A point that moves farther than this otherwise than the skin near it has jumped [m]."""
 _NEAR = 0.3
 """How far from a point skin tells how it may move [m]."""
-_UNDER = 0.1
-"""Farthest that skin may be to be under a point [m]."""
+UNDER = 0.1
+"""Farthest that skin may be to be under a point, flying cloth included [m]."""
+LIES = 0.02
+"""Farthest that skin may be from a point that lies on it [m]."""
 _SPACING = 0.04
 """Distance between the vertices of the skin that are looked at [m]."""
 
@@ -30,13 +32,15 @@ class JumpMeter:
 
     Args:
         skin_vertices: Skin in any pose [m], shape [v, 3].
+        under: Points farther from the skin than this do not count [m].
 
     Attributes:
         largest: Farthest that a point jumped in a frame [m].
         frames: Frames in which one jumped farther than `JUMP`.
     """
 
-    def __init__(self, skin_vertices: FloatArray) -> None:
+    def __init__(self, skin_vertices: FloatArray, under: float = UNDER) -> None:
+        self._reach = under
         cell = np.floor(np.asarray(skin_vertices) / _SPACING).astype(np.int64)
         self._some = np.unique(cell, axis=0, return_index=True)[1]
         self._before: tuple[FloatArray, dict[str, FloatArray]] | None = None
@@ -64,7 +68,8 @@ class JumpMeter:
         of_skin = now[0] - before[0]
         trees = cKDTree(before[0]), cKDTree(now[0])
         far = max(
-            (_farthest(trees, of_skin, before[1][n], now[1][n]) for n in garments), default=0.0
+            (_farthest(trees, of_skin, before[1][n], now[1][n], self._reach) for n in garments),
+            default=0.0,
         )
         self.largest = max(self.largest, far)
         self.frames += far > JUMP
@@ -72,7 +77,11 @@ class JumpMeter:
 
 
 def _farthest(
-    trees: tuple[cKDTree, cKDTree], of_skin: FloatArray, x: FloatArray, after: FloatArray
+    trees: tuple[cKDTree, cKDTree],
+    of_skin: FloatArray,
+    x: FloatArray,
+    after: FloatArray,
+    reach: float,
 ) -> float:
     """How far any point of a garment jumped [m]."""
     whole = np.isfinite(x).all(axis=1) & np.isfinite(after).all(axis=1)
@@ -81,7 +90,7 @@ def _farthest(
         return 0.0
     tree = trees[0]
     away, under = tree.query(x)
-    close = (away < _UNDER) & (trees[1].query(after)[0] < _UNDER)
+    close = (away < reach) & (trees[1].query(after)[0] < reach)
     x, moved, nearest = x[close], (after - x)[close], of_skin[under[close]]
     # Only where the nearest skin does not explain it are the others asked.
     left = np.linalg.norm(moved - nearest, axis=1)

@@ -30,7 +30,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from jumps import JumpMeter
+from jumps import LIES, JumpMeter
 
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
@@ -172,6 +172,7 @@ def run(asked: Asked) -> dict:
     skin = (body.skin.vertices, body.skin.triangles)
     meter = ClothMeter(*skin, meshes, OwnSides.of(garments, body))
     pierced, jumps = PiercedMeter(colliders), JumpMeter(body.skin.vertices)
+    lying = JumpMeter(body.skin.vertices, LIES)
     live = PiercedSoFar(colliders, [g.name for g in garments])
     calm_frames = calm_pierced = 0
     kept, times, edges = Frames(), [], []
@@ -194,7 +195,9 @@ def run(asked: Asked) -> dict:
         surface = skinner.vertices(joints[n])
         if kept.number[-2:-1] != [n - 1]:
             jumps.forget()
+            lying.forget()
         kept.worst("jump", jumps.add(surface, x))
+        lying.add(surface, x)
         kept.worst("edge", worst)
         kept.worst("pierced", through)
         if len(kept.number) % 6 == 0:
@@ -213,6 +216,8 @@ def run(asked: Asked) -> dict:
         **figures,
         "jump_cm": round(100 * jumps.largest, 1),
         "jump_frames": jumps.frames,
+        "jump_lying_cm": round(100 * lying.largest, 1),
+        "jump_lying_frames": lying.frames,
         "resets": sum(simulation.health(g.name).resets for g in garments),
         "let_go": max(simulation.health(g.name).let_go for g in garments),
         "ms_median": round(1e3 * float(np.median(times)), 2),
@@ -262,8 +267,9 @@ def table(rows: list[dict]) -> str:
             groups.setdefault(key, []).append(row)
     lines = [
         "| body | outfit | variant | solver | clips | pierced in | worst share (clip) | mean "
-        "| inside p99 | inside median | worst edge | edge p95 | jump | crossed p99 |",
-        "|---" * 14 + "|",
+        "| inside p99 | inside median | worst edge | edge p95 | jump | of what lies "
+        "| crossed p99 |",
+        "|---" * 15 + "|",
     ]
     for (body, outfit, variant, solver), group in sorted(groups.items()):
         share = "pierced_calm" if variant in ("15hz", "stalls") else "pierced"
@@ -286,6 +292,7 @@ def table(rows: list[dict]) -> str:
             f"{100 * most['strain_max']:.0f} %",
             f"{100 * most['strain_p95']:.1f} %",
             f"{most['jump_cm']:.0f} cm",
+            f"{most['jump_lying_cm']:.0f} cm",
             f"{100 * most['crossed_p99']:.2f} %",
         ]
         lines.append("| " + " | ".join(cells) + " |")

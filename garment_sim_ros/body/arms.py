@@ -2,14 +2,17 @@
 
 Trunk and thighs are polytopes, the support of their skin in sampled directions; lower arm and hand
 are spheres along their bones. Where one of these is nearer to a polytope than `_GAP`, the whole
-arm is turned about the shoulder, away from the axes of what it is in, by the smallest angle that
-clears it; what is clear stays as it is. Where poses have times this turn changes at `_RATE` at
-most, so that arms do not twitch where the way out changes from one side to another.
+arm is turned about the shoulder; what is clear stays as it is. A first pose is cleared by the
+smallest turn away from the axes of what it is in. From then on arms are pushed: the turn shrinks,
+and whatever is in the way moves the arm ahead of it, as a thigh that is kicked up takes along a
+hand. So an arm does not pass through what it was beside, nor twitch where another way out becomes
+the shorter one.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.anatomy import SIDES
@@ -17,7 +20,6 @@ from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.constants import PERSON_HEIGHT
-from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 
 _TRUNK = ("hips", "spine", "chest", "upperChest", "leftUpperLeg", "rightUpperLeg")
 _DIRECTIONS = 128
@@ -26,8 +28,22 @@ _GAP = 0.03
 _NEAR = 0.05
 """Distance from which on a part has a say in the way out [m]."""
 _ANGLES = np.radians(np.arange(0.0, 41.0, 2.0))
+_MOST = np.radians(60.0)
+"""Largest turn of an arm that is pushed [rad]."""
 _RATE = 4.0
-"""How fast the turn changes [rad/s]; arms of people reach over 10."""
+"""How fast an arm goes back to where the source has it [rad/s]."""
+_SLOWEST = 0.2
+"""The same while something is in the way."""
+_DOUBLES = 1 / 60
+"""Time in which it becomes twice as fast after that [s]."""
+_PUSH_RATE = 20.0
+"""How fast it is pushed [rad/s]; what kicks it moves at up to 10 m/s, half a metre off."""
+_PUSHES = 16
+"""Most pushes in a pose, each by what the arm is deepest in."""
+_CLOSE = 1e-4
+"""Shortage of room that is left [m]."""
+_SHORTEST = 0.05
+"""Shortest lever [m]: what is pushed towards the shoulder stays."""
 _LONGEST = 0.25
 """Poses farther apart than this [s] have nothing to do with each other."""
 _ALONG_ARM = (0.0, 0.35, 0.7, 1.0)
@@ -58,6 +74,7 @@ class _Arm:
     Attributes:
         joint: The upper arm's joint, about which it turns.
         opposite: That of the other arm.
+        carrier: The joint above, with which the turn moves.
         below: That one and all that hang on it, shape [k].
         mover: Joint that moves each sphere, shape [m].
         centre: Of the spheres in their joints' frames [m], shape [m, 3].
@@ -66,6 +83,7 @@ class _Arm:
 
     joint: int
     opposite: int
+    carrier: int
     below: IntArray
     mover: IntArray
     centre: FloatArray
@@ -91,8 +109,8 @@ class Arms:
         body: Rig and skin; without a trunk or arms that have skin nothing is done.
 
     Attributes:
-        turn: Rotation vectors by which the left and the right arm were turned last [rad], shape
-            [2, 3].
+        turn: Rotation vectors by which the left and the right arm were turned last [rad], in the
+            frame of the joint above the arm, shape [2, 3].
     """
 
     def __init__(self, body: Body) -> None:
@@ -104,6 +122,7 @@ class Arms:
         self._parts = tuple(_part(body, T, bone, skins[bone]) for bone in trunk)
         self._arms = tuple(_arm(body, T, side, skins) for side in SIDES)
         self.turn = np.zeros((2, 3))
+        self._speed = np.full(2, _SLOWEST)
         self._time: float | None = None
 
     def forget(self) -> None:
@@ -117,9 +136,7 @@ class Arms:
             T_world_joint: Poses of the joints, changed in place, shape [n, 4, 4].
             time: When that is [s].
         """
-        most = np.inf
-        if self._time is not None and 0.0 <= time - self._time < _LONGEST:
-            most = _RATE * (time - self._time)
+        since = np.inf if self._time is None else time - self._time
         self._time = time
         for side, arm in enumerate(self._arms):
             if arm is None or not self._parts:
@@ -127,20 +144,75 @@ class Arms:
             T = T_world_joint[arm.mover]
             centre = np.einsum("mij,mj->mi", T[:, :3, :3], arm.centre) + T[:, :3, 3]
             shoulder = T_world_joint[arm.joint, :3, 3].copy()
-            own_side = shoulder - T_world_joint[arm.opposite, :3, 3]
-            own_side /= max(float(np.linalg.norm(own_side)), 1e-9)
-            way = self._way_out(centre - shoulder, shoulder, own_side, arm.radius, T_world_joint)
-            change = way - self.turn[side]
-            length = float(np.linalg.norm(change))
-            self.turn[side] = way if length <= most else self.turn[side] + change * (most / length)
-            angle = float(np.linalg.norm(self.turn[side]))
-            if angle > 0.0:
-                half = self.turn[side] * (np.sin(0.5 * angle) / angle)
-                R = matrix_from_quaternion(np.append(half, np.cos(0.5 * angle)))
+            centre -= shoulder
+            R_carrier = T_world_joint[arm.carrier, :3, :3].copy()
+            if 0.0 <= since < _LONGEST:
+                was = R_carrier @ self.turn[side]
+                turn = self._pushed(side, was, centre, shoulder, T_world_joint, since)
+            else:
+                own_side = shoulder - T_world_joint[arm.opposite, :3, 3]
+                own_side /= max(float(np.linalg.norm(own_side)), 1e-9)
+                turn = self._way_out(centre, shoulder, own_side, arm.radius, T_world_joint)
+                self._speed[side] = _SLOWEST
+            self.turn[side] = turn @ R_carrier
+            if turn.any():
+                R = Rotation.from_rotvec(turn).as_matrix()
                 below = T_world_joint[arm.below]
                 below[:, :3, 3] = (below[:, :3, 3] - shoulder) @ R.T + shoulder
                 below[:, :3, :3] = R @ below[:, :3, :3]
                 T_world_joint[arm.below] = below
+
+    def _pushed(
+        self,
+        side: int,
+        was: FloatArray,
+        centre: FloatArray,
+        shoulder: FloatArray,
+        T: FloatArray,
+        dt: float,
+    ) -> FloatArray:
+        """Rotation vector of an arm on its way home, pushed by what it meets [rad], shape [3].
+
+        Args:
+            side: Which arm.
+            was: Its turn so far, taken along with the trunk [rad], shape [3].
+            centre: Its spheres where the source has them, from the shoulder [m], shape [m, 3].
+            shoulder: World position [m], shape [3].
+            T: Poses of the joints, shape [n, 4, 4].
+            dt: Time since the last pose [s].
+        """
+        arm = self._arms[side]
+        assert arm is not None
+        angle = float(np.linalg.norm(was))
+        is_clear = self._gaps(centre[None], shoulder, arm.radius, T)[0].min() >= self._gap
+        if angle == 0.0 and is_clear:
+            return was
+        turn = was * max(0.0, 1.0 - self._speed[side] * dt / max(angle, 1e-9))
+        at = Rotation.from_rotvec(turn)
+        for _ in range(_PUSHES):
+            x = at.apply(centre)
+            gaps, normal = self._gaps(x[None], shoulder, arm.radius, T)
+            part, sphere = np.unravel_index(gaps[:, 0].argmin(), gaps[:, 0].shape)
+            short = self._gap - float(gaps[part, 0, sphere])
+            if short < _CLOSE:
+                break
+            n = T[self._parts[part].joint, :3, :3] @ _NORMALS[normal[part, 0, sphere]]
+            lever = np.cross(x[sphere], n)
+            at = (
+                Rotation.from_rotvec(lever * (short / max(float(lever @ lever), _SHORTEST**2)))
+                * at
+            )
+        start = Rotation.from_rotvec(was)
+        change = (at * start.inv()).as_rotvec()
+        most = _PUSH_RATE * dt / max(float(np.linalg.norm(change)), 1e-9)
+        if most < 1.0:
+            at = Rotation.from_rotvec(most * change) * start
+        pushed = at.as_rotvec()
+        length = float(np.linalg.norm(pushed))
+        # Faster and faster, as long as nothing is in the way.
+        came = (angle - length) / max(dt, 1e-9)
+        self._speed[side] = min(max(came * 2.0 ** (dt / _DOUBLES), _SLOWEST), _RATE)
+        return np.asarray(pushed * min(1.0, _MOST / max(length, 1e-9)))
 
     def _way_out(
         self,
@@ -151,7 +223,7 @@ class Arms:
         T: FloatArray,
     ) -> FloatArray:
         """Rotation vector by which an arm with such spheres [m, 3] gets out [rad], shape [3]."""
-        gaps = self._gaps(centre[None], shoulder, radius, T)[:, 0]
+        gaps = self._gaps(centre[None], shoulder, radius, T)[0][:, 0]
         if gaps.min() >= self._gap:
             return np.zeros(3)
         say = np.maximum(self._near - gaps, 0.0)
@@ -167,7 +239,7 @@ class Arms:
         along = (centre @ axis)[:, None] * axis
         cosine, sine = np.cos(_ANGLES)[:, None, None], np.sin(_ANGLES)[:, None, None]
         turned = along + cosine * (centre - along) + sine * across
-        least = self._gaps(turned, shoulder, radius, T).min(axis=(0, 2))
+        least = self._gaps(turned, shoulder, radius, T)[0].min(axis=(0, 2))
         clear = np.flatnonzero(least >= self._gap)
         if not clear.size:
             return np.asarray(_ANGLES[np.argmax(least)] * axis)
@@ -178,17 +250,22 @@ class Arms:
 
     def _gaps(
         self, centre: FloatArray, shoulder: FloatArray, radius: FloatArray, T: FloatArray
-    ) -> FloatArray:
-        """Distances of spheres [a, m] at `shoulder + centre` from the parts, [p, a, m]."""
+    ) -> tuple[FloatArray, IntArray]:
+        """Distances of spheres [a, m] at `shoulder + centre` from the parts, [p, a, m].
+
+        Returns:
+            The distances [m], and in which direction of `_NORMALS` of the part each is.
+        """
         world = (shoulder + centre).reshape(-1, 3)
-        gaps = [
-            (
+        heights = np.stack(
+            [
                 ((world - T[part.joint, :3, 3]) @ T[part.joint, :3, :3]) @ _NORMALS.T
                 - part.support
-            ).max(axis=1)
-            for part in self._parts
-        ]
-        return np.reshape(gaps, (len(gaps), *centre.shape[:2])) - radius
+                for part in self._parts
+            ]
+        )
+        shape = (len(heights), *centre.shape[:2])
+        return heights.max(axis=2).reshape(shape) - radius, heights.argmax(axis=2).reshape(shape)
 
 
 def _from_axis(x: FloatArray, part: _Part, T: FloatArray) -> FloatArray:
@@ -244,6 +321,7 @@ def _arm(body: Body, T: FloatArray, side: str, skins: dict[str, FloatArray]) -> 
     return _Arm(
         joint=upper,
         opposite=body.rig.index(body.humanoid[other]),
+        carrier=max(int(body.rig.parent[upper]), 0),
         below=np.flatnonzero(body.rig.below(upper)).astype(np.int32),
         mover=np.array([j for j, _, _ in spheres], np.int32),
         centre=np.array([T[j, :3, :3].T @ (x - T[j, :3, 3]) for j, x, _ in spheres]),

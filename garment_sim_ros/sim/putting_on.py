@@ -1,10 +1,12 @@
 """Garments are put on a body at rest, which then moves to its first pose, as a person would.
 
 Placed like skin on a pose with hanging arms, a skirt begins with the hands inside of it, and no
-contact can tell any more on which side they belong.
+contact can tell any more on which side they belong. A body that is already moving in its first
+poses has its garments moving, too: at rest they would be left behind, and hit.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,6 +17,8 @@ from garment_sim_ros.geometry.transforms import (
     quaternion_from_matrix,
     transform_from,
 )
+from garment_sim_ros.sim.placement import blend
+from garment_sim_ros.sim.worn import Worn
 
 _SPEED = 1.5
 """Of the fastest collider on the way to the first pose [m/s]."""
@@ -22,6 +26,8 @@ _LONGEST = 1.0
 """Longest time that the way takes [s]."""
 _NEAR = 0.01
 """What is nearer to its rest is there [m]."""
+_FASTEST = 10.0
+"""Skin that is faster than this was put elsewhere; limbs of people are not [m/s]."""
 
 
 def rest_at(T_world_rest: FloatArray, poses: ColliderPoses, root: int) -> ColliderPoses:
@@ -52,3 +58,21 @@ def time_from(rest: ColliderPoses, poses: ColliderPoses) -> float:
         return 0.0
     way = float(np.linalg.norm(poses.position - rest.position, axis=1).max())
     return 0.0 if way < _NEAR else min(_LONGEST, math.ceil(60.0 * way / _SPEED) / 60.0)
+
+
+def set_in_motion(
+    garments: Sequence[Worn], poses_start: ColliderPoses, poses_end: ColliderPoses, dt: float
+) -> None:
+    """Gives garments that are at rest the velocity that skin in their place has.
+
+    Args:
+        garments: Changed in place; left at rest where any of that skin is faster than people are.
+        poses_start: World poses of the colliders as they are.
+        poses_end: World poses some time later.
+        dt: That time [s].
+    """
+    for worn in garments:
+        way = worn.frames.world(poses_end) - worn.frames.world(poses_start)
+        v = blend(worn.garment, way)[worn.model.vertex] / dt
+        if np.linalg.norm(v, axis=1).max(initial=0.0) < _FASTEST:
+            worn.state.v[:] = v

@@ -18,7 +18,7 @@ from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.loop import take_step
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.placement import GarmentLike, blend, rest_transforms
-from garment_sim_ros.sim.putting_on import rest_at, time_from
+from garment_sim_ros.sim.putting_on import rest_at, set_in_motion, time_from
 from garment_sim_ros.sim.rewinding import Kept, Rewinding
 from garment_sim_ros.sim.settle import settle
 from garment_sim_ros.sim.solvers import SOLVERS
@@ -80,8 +80,7 @@ class Simulation(ByName):
         if len(set(names)) != len(names):
             raise GeometryError(f"garment names must be unique; found {', '.join(names)}")
         self.collider_set = colliders
-        self.solver = solver
-        self.solver_step = solver_step
+        self.solver, self.solver_step = solver, solver_step
         self._solver = SOLVERS[solver]
         self._T_world_rest = rest_transforms(garments, colliders)
         self._motion = ColliderMotion(colliders, self._T_world_rest)
@@ -101,14 +100,13 @@ class Simulation(ByName):
             ]
             for outer in self._worn.values()
         }
-        self.time = 0.0
-        self.outran = 0
+        self.time, self.outran = 0.0, 0
         self._view = {n: GarmentView(w, self.origin) for n, w in self._worn.items()}
         self._is_sewing = any(g.stitches is not None for g in garments)
         self._rewinding = Rewinding(colliders, self._worn, self.origin, self._T_world_rest)
         self._coarseness = 1
         self._at = ColliderPoses.identity(len(colliders))
-        self._is_on = False
+        self._is_on = self._is_first = False
         self._wind_on: dict[str, WindOnCloth] = {}
         self._wind = Wind(asked.environment)
         self.parameters = asked
@@ -168,6 +166,7 @@ class Simulation(ByName):
             self._go(rest, poses, duration)
             self._motion.interpolate(poses, poses, 0.0, 1.0)
             self._restart()
+            self._is_first = True
         else:
             self._put_on(poses)
         self._at.assign(poses)
@@ -177,8 +176,7 @@ class Simulation(ByName):
         self._rewinding.begin(poses)
 
     def _restart(self) -> None:
-        """Time begins anew."""
-        self.time = 0.0
+        self.time, self._is_first = 0.0, False
         self._wind.begin(self.parameters.environment)
         self._acting = self.parameters
 
@@ -306,9 +304,11 @@ class Simulation(ByName):
         self, poses_start: ColliderPoses, poses_end: ColliderPoses, dt: float | None = None
     ) -> None:
         """Advances all garments between poses that are usable."""
-        steps = self._steps(dt)
+        steps, everything = self._steps(dt), tuple(self._worn.values())
         h = (self.solver_step if dt is None else dt) / steps
-        everything = tuple(self._worn.values())
+        if self._is_first:
+            set_in_motion(everything, poses_start, poses_end, steps * h)
+            self._is_first = False
         self._follow(poses_start)
         for n in range(steps):
             self._motion.interpolate(poses_start, poses_end, n / steps, (n + 1) / steps)

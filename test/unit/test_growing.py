@@ -4,8 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from garment_sim_ros.body.kinematics import rest_transforms
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.rig import Dofs, Rig
 from garment_sim_ros.body.skin import Body, Skin
 from garment_sim_ros.collider_params import HullSettings
@@ -93,6 +95,23 @@ def test_skin_far_from_all_hulls_is_left_outside(monkeypatch):
     body = tube(blend=0.25)
     monkeypatch.setattr(growing, "_FAR", 0.0)
     assert fit_hulls(body).colliders.revision == without(monkeypatch, body).revision
+
+
+@pytest.mark.parametrize("most", [0.12, 1.0])
+def test_arms_stay_thin_enough_for_their_sleeves(monkeypatch, data_file, most):
+    """Skin of this body's back hangs on its upper arms."""
+    body = load_body(data_file("bodies", "CesiumMan.glb"))
+    upper = {body.humanoid[side + "UpperArm"] for side in ("left", "right")}
+
+    def volumes(colliders):
+        hulls = [c for c in colliders.colliders if c.name in upper]
+        return np.array([ConvexHull(c.geometry["vertices"]).volume for c in hulls])
+
+    before = volumes(without(monkeypatch, body))
+    monkeypatch.setattr(growing, "_THICKER", most)
+    thicker = volumes(fit_hulls(body).colliders) / before
+    assert len(thicker) == 2
+    assert (thicker.max() < 1.15) == (most < 1.0)
 
 
 def test_what_bends_is_skin_of_triangles_between_parts_that_turn():
