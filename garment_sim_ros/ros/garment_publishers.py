@@ -1,7 +1,8 @@
 """What is published of one garment: points, mesh, topology, quality."""
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticStatus
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from garment_sim_ros.arrays import SingleArray
 from garment_sim_ros.garment.colours import garment_colour
@@ -21,6 +22,7 @@ from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.state import State
 from garment_sim_ros.sim.strain import StrainMeter
+from garment_sim_ros.stamps import SECOND
 
 
 class GarmentPublishers:
@@ -113,6 +115,13 @@ class GarmentQuality:
         }
         well = health.resets == 0 and health.recovered == 0
         return status(self._name, values.items(), well=well)
+
+
+def quality(statuses: list[DiagnosticStatus], stamp: int) -> DiagnosticArray:
+    """The message of one frame, shown at a simulated time [ns]."""
+    message = DiagnosticArray(status=statuses)
+    message.header.stamp = Time(sec=stamp // SECOND, nanosec=stamp % SECOND)
+    return message
 
 
 def warm_up() -> None:

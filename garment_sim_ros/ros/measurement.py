@@ -1,0 +1,63 @@
+"""How well avatars of one process run: rate, late frames, latency, processor time."""
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from garment_sim_ros.ros.avatar_nodes import AvatarNodes
+
+_COUNTED = ("frames", "late_frames", "skipped_s")
+
+
+class Measurement:
+    """From now on.
+
+    Args:
+        avatars: Avatars that have shown their first cloth.
+    """
+
+    def __init__(self, avatars: Sequence[AvatarNodes]) -> None:
+        self._avatars = avatars
+        for avatar in avatars:
+            avatar.cloth.ages.clear()
+        self._before = [_values(avatar) for avatar in avatars]
+        self._began, self._processor = time.monotonic(), time.process_time()
+
+    def figures(self) -> dict[str, Any]:
+        """What there was so far.
+
+        Returns:
+            `seconds`; `processor_percent` of one core, of the whole process; `avatars`, by
+            namespace: `rate_hz`, `frames`, `late_frames` as `quality` counts them, `skipped_s`,
+            `latency_ms_median` and `latency_ms_p95`, from the time of the joint states that a
+            frame shows until it was published.
+        """
+        seconds = time.monotonic() - self._began
+        processor = time.process_time() - self._processor
+        return {
+            "seconds": round(seconds, 2),
+            "processor_percent": round(100.0 * processor / max(seconds, 1e-9), 1),
+            "avatars": {
+                avatar.namespace or "/": _of_one(avatar, before, seconds)
+                for avatar, before in zip(self._avatars, self._before, strict=True)
+            },
+        }
+
+
+def _values(avatar: AvatarNodes) -> Mapping[str, Any]:
+    """What the cloth says of itself in its diagnostics."""
+    return avatar.cloth.condition().values
+
+
+def _of_one(avatar: AvatarNodes, before: Mapping[str, Any], seconds: float) -> dict[str, Any]:
+    now = _values(avatar)
+    counted = {name: now.get(name, 0) - before.get(name, 0) for name in _COUNTED}
+    ages = list(avatar.cloth.ages) or [0.0]
+    return {
+        "rate_hz": round(counted["frames"] / max(seconds, 1e-9), 2),
+        **{name: round(value, 3) for name, value in counted.items()},
+        "latency_ms_median": round(float(np.median(ages)), 2),
+        "latency_ms_p95": round(float(np.percentile(ages, 95.0)), 2),
+    }
