@@ -7,6 +7,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from garment_sim_ros.cli.avatar_options import add_avatar_options, check_files, node_parameters
+from garment_sim_ros.cli.interrupts import interrupts_held
 from garment_sim_ros.errors import GarmentSimError, ParameterError
 
 if TYPE_CHECKING:
@@ -44,7 +45,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if not args.clip:
         del nodes["mocap_player"]
     try:
-        from garment_sim_ros.ros.one_process import OneProcess
+        with interrupts_held():  # an import that is cut short looks like one that fails
+            from garment_sim_ros.ros.one_process import OneProcess
     except ImportError as error:
         raise GarmentSimError(
             f"rclpy: {error}; source ROS 2 or pip install 'garment_sim_ros[ros]'"
@@ -96,7 +98,7 @@ def _watch(args: argparse.Namespace, process: "OneProcess") -> dict[str, Any]:
 def _table(figures: dict[str, Any]) -> str:
     """What people read."""
     lines = [
-        f"{name}: {a['rate_hz']:.2f} Hz, {a['late_frames']} of {a['frames']} frames late, "
+        f"{name}: {a['rate_hz']:.2f} Hz, {a['late_frames']} of {a['due_frames']} frames late, "
         f"latency {a['latency_ms_median']:.1f} ms (p95 {a['latency_ms_p95']:.1f} ms)"
         for name, a in figures["avatars"].items()
     ]

@@ -30,7 +30,8 @@ class Measurement:
 
         Returns:
             `seconds`; `processor_percent` of one core, of the whole process; `avatars`, by
-            namespace: `rate_hz`, `frames`, `late_frames` as `quality` counts them, `skipped_s`,
+            namespace: `rate_hz`, `due_frames`, `frames` that were published, `late_frames` as
+            `quality` counts them, with those that were left out, `skipped_s`,
             `latency_ms_median` and `latency_ms_p95`, from the time of the joint states that a
             frame shows until it was published.
         """
@@ -57,6 +58,7 @@ def _of_one(avatar: AvatarNodes, before: Mapping[str, Any], seconds: float) -> d
     ages = list(avatar.cloth.ages) or [0.0]
     return {
         "rate_hz": round(counted["frames"] / max(seconds, 1e-9), 2),
+        "due_frames": round(avatar.cloth.parameters.rate * seconds),
         **{name: round(value, 3) for name, value in counted.items()},
         "latency_ms_median": round(float(np.median(ages)), 2),
         "latency_ms_p95": round(float(np.percentile(ages, 95.0)), 2),

@@ -1,0 +1,349 @@
+"""Avatars whose nodes share one process: the same for everybody else."""
+
+import contextlib
+import gc
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import psutil
+import pytest
+
+pytest.importorskip("rclpy")
+
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from ros_input.cloth import stamp_of
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+from garment_sim_ros.mocap.clips import load_clip
+from garment_sim_ros.mocap.sampling import ClipSampler
+from garment_sim_ros.mocap.source_urdf import urdf_from_clip
+from garment_sim_ros.ros.cloth_node import ClothNode
+from garment_sim_ros.ros.collider_node import ColliderNode
+from garment_sim_ros.ros.mocap_player import MocapPlayer
+from garment_sim_ros.ros.one_process import OneProcess, in_step
+from garment_sim_ros.ros.serialize import Joints
+from garment_sim_ros.ros.topics import (
+    COLLIDER_DESCRIPTION,
+    COLLIDER_POSES,
+    GARMENT_POINTS,
+    JOINT_STATES,
+    QUALITY,
+    ROBOT_DESCRIPTION,
+)
+
+pytestmark = pytest.mark.ros
+
+SECOND = 10**9
+LIMIT = 180.0
+OUTFIT = """
+version: 1
+garments:
+  - {name: skirt, generator: short_skirt, options: {vertices: 500}}
+"""
+
+
+@pytest.fixture(scope="module")
+def outfit(tmp_path_factory):
+    path = tmp_path_factory.mktemp("outfit") / "outfit.yaml"
+    path.write_text(OUTFIT)
+    return str(path)
+
+
+class Command:
+    """`garment-sim run` as a process."""
+
+    def __init__(self, *words):
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "garment_sim_ros.cli.main", "run", *words],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self._said = []
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self):
+        for line in self._process.stderr:
+            self._said.append(line)
+
+    @property
+    def said(self):
+        return "".join(self._said)
+
+    @property
+    def pid(self):
+        return self._process.pid
+
+    def send(self, number):
+        self._process.send_signal(number)
+
+    def wait(self):
+        """Exit code and what it printed."""
+        printed = self._process.stdout.read()
+        code = self._process.wait(LIMIT)
+        self._reader.join(LIMIT)
+        return code, printed
+
+    def end(self):
+        self._process.kill()
+        self._process.wait()
+
+
+@pytest.fixture
+def command():
+    started = []
+
+    def start(*words):
+        started.append(Command(*words))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.end()
+
+
+def follow(probe, until, namespace, frames):
+    """Send a walk, each pose when the cloth of the one before has come; what came."""
+    clip = load_clip("walk")
+    sampler, joints = ClipSampler(clip, "carry"), Joints(clip.rig.dofs.names, "world")
+    poses = probe.listen(COLLIDER_POSES, raw=True)
+    points = probe.listen(GARMENT_POINTS, "skirt", raw=True)
+    collider = SimpleNamespace(full_name=f"{namespace}/collider_node")
+    probe.publish(ROBOT_DESCRIPTION, String(data=urdf_from_clip(clip, "world")))
+    until(
+        lambda: (
+            probe.diagnostics(collider)
+            and "waits for joint_states" in probe.diagnostics(collider).message
+        ),
+        "a skeleton",
+    )
+    until(lambda: probe.node.count_publishers(f"{namespace}/{points}"), "garments")
+    for i in range(frames):
+        data = joints.fill(SECOND + i * SECOND // 30, sampler.sample(1.0 + i / 30.0))
+        probe.publish(JOINT_STATES, data)
+        until(lambda i=i: len(probe.received(points)) > i, f"frame {i}")
+    return probe.received(poses), probe.received(points)
+
+
+def test_a_subscriber_gets_the_same_bytes_as_from_the_nodes_apart(
+    start_node, make_probe, until, command, outfit
+):
+    words = ("--clip", "", "--outfit", outfit, "--set", "cloth_node.step_on=poses")
+    one = command(*words, "--namespace", "one_process")
+    apart = "/three_processes"
+    start_node("collider_node", apart, outfit=outfit)
+    start_node("cloth_node", apart, outfit=outfit, step_on="poses")
+    found = [follow(make_probe(name), until, name, frames=40) for name in ("/one_process", apart)]
+    for of_one, of_three in zip(*found):
+        assert len(of_one) == 40
+        assert [bytes(m) for m in of_one] == [bytes(m) for m in of_three]
+    moved = np.diff([np.frombuffer(bytes(m)[-4000:], np.float32) for m in found[0][1]], axis=0)
+    assert np.abs(moved).max() > 1e-3
+    one.send(signal.SIGTERM)
+    assert one.wait()[0] == 130
+
+
+def test_everything_of_the_nodes_is_there_for_others(command, make_probe, until, outfit):
+    namespace = "/all_of_one"
+    process = command("--outfit", outfit, "--namespace", namespace, "--json")
+    probe = make_probe(namespace)
+    topics = [JOINT_STATES, COLLIDER_POSES, QUALITY]
+    names = [probe.listen(topic, raw=True) for topic in topics]
+    names.append(probe.listen(GARMENT_POINTS, "skirt", raw=True))
+    until(lambda: all(len(probe.received(name)) > 20 for name in names), "all topics")
+
+    # A pose for each joint state, with its stamp; the cloth is not ahead of them.
+    joints, poses, _, points = ([stamp_of(m) for m in probe.received(n)] for n in names)
+    common = [s for s in joints if poses[0] <= s <= poses[-1]]
+    assert [s for s in poses if joints[0] <= s <= joints[-1]] == [
+        s for s in common if s <= poses[-1]
+    ]
+    until(lambda: stamp_of(probe.received(names[1])[-1]) >= points[-1], "a pose")
+
+    # Services and parameters.
+    assert probe.call(SetBool, "mocap_player/pause", SetBool.Request(data=True)).success
+    assert probe.call(Trigger, "cloth_node/reset", Trigger.Request()).success
+    for node in ("mocap_player", "collider_node", "cloth_node"):
+        status = SimpleNamespace(full_name=f"{namespace}/{node}")
+        until(lambda s=status: probe.diagnostics(s), f"diagnostics of {node}")
+
+    # Lifecycle: the cloth is told the colliders again, which were described before.
+    for number in (
+        Transition.TRANSITION_DEACTIVATE,
+        Transition.TRANSITION_CLEANUP,
+        Transition.TRANSITION_CONFIGURE,
+        Transition.TRANSITION_ACTIVATE,
+    ):
+        request = ChangeState.Request(transition=Transition(id=number))
+        assert probe.call(ChangeState, "cloth_node/change_state", request).success
+    probe.next(names[3], 5)
+    process.send(signal.SIGINT)
+    code, printed = process.wait()
+    assert code == 130
+    assert json.loads(printed)["avatars"][namespace]["frames"] > 0
+    assert "Traceback" not in process.said
+
+
+def mapped(pid):
+    """Files that a process has mapped."""
+    return Path(f"/proc/{pid}/maps").read_text()
+
+
+def segments(pid):
+    """The middleware's shared memory that a process has mapped."""
+    words = mapped(pid).split()
+    return {w for w in words if w.startswith("/dev/shm/fastrtps_") and "port" not in w}
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("when", ["importing", "making nodes", "dressed"])
+def test_an_end_leaves_nothing(command, make_probe, until, outfit, number, when):
+    namespace = f"/ends_{when.replace(' ', '_')}_{number.name.lower()}"
+    probe = make_probe(namespace)
+    ours = segments(os.getpid())
+    process = command("--outfit", outfit, "--namespace", namespace, "--avatars", "2")
+    if when == "importing":
+        until(lambda: "librcl.so" in mapped(process.pid), "the middleware")
+    elif when == "making nodes":
+        until(lambda: "preset" in process.said, "a node")
+    elif when == "dressed":
+        points = f"{namespace}/avatar_2/garments/skirt/points"
+        until(lambda: probe.node.count_publishers(points), "cloth")
+    shared = segments(process.pid) - ours
+    children = psutil.Process(process.pid).children(recursive=True)
+    process.send(number)
+    code, _ = process.wait()
+    assert code == 130, process.said
+    assert "Traceback" not in process.said
+    assert "error" not in process.said.lower()
+    assert not [file for file in shared if os.path.exists(file)]
+    assert not [child for child in children if child.is_running()]
+    until(
+        lambda: not [n for n in probe.node.get_node_names_and_namespaces() if "avatar_" in n[1]],
+        "nobody to be there any more",
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--avatars", "0"), "--avatars: found 0; allowed: 1 to 100"),
+        (("--seconds", "nan"), "--seconds: found nan; allowed: above 0, to 1e9"),
+        (("--namespace", "a b"), "--namespace: found '/a b'; allowed: names of letters"),
+        (("--body", "no.glb"), "--body no.glb: does not exist; allowed: a file"),
+        (("--outfit", "no_such"), "no_such"),
+        (("--set", "cloth_node.rate=0"), "--set cloth_node.rate: "),
+    ],
+)
+def test_bad_input_is_one_line(command, words, told):
+    process = command(*words)
+    code, printed = process.wait()
+    assert (code, printed) == (2, "")
+    last = process.said.splitlines()[-1]
+    assert last.startswith("error: ")
+    assert told in last
+    assert "Traceback" not in process.said
+
+
+def wait_for(process, condition):
+    limit = time.monotonic() + LIMIT
+    while not condition():
+        process.check()
+        assert time.monotonic() < limit
+        time.sleep(0.01)
+
+
+def test_no_avatar_starves_where_there_is_too_much_to_do(outfit):
+    """One thread for more than it can do: all have frames, and as many."""
+    given = {
+        "mocap_player": {},
+        "collider_node": {"outfit": outfit},
+        "cloth_node": {"outfit": outfit, "rate": 240.0, "preset": "accurate"},
+    }
+    with OneProcess(threads=1) as process:
+        for i in range(4):
+            process.add(f"/crowd_{i}", given)
+        wait_for(process, lambda: process.is_dressed)
+        measured = process.measure()
+        found = measured.figures()["avatars"]
+        frames = []
+
+        def enough():
+            nonlocal found, frames
+            found = measured.figures()["avatars"]
+            frames = [a["frames"] for a in found.values()]
+            return min(frames) > 30 or max(frames) > 300
+
+        wait_for(process, enough)
+    assert min(frames) > 0.6 * max(frames), found
+    assert all(a["late_frames"] > 0 for a in found.values()), "there was time enough for all"
+
+
+def rounds_of(process, given, count):
+    for i in range(count):
+        process.add(f"/guest_{i}", given)
+        wait_for(process, lambda: process.is_dressed)
+        process.remove(f"/guest_{i}")
+
+
+def here(kind):
+    return sum(isinstance(thing, kind) for thing in gc.get_objects())
+
+
+@pytest.mark.parametrize("count", [5, pytest.param(50, marks=pytest.mark.slow)])
+def test_avatars_that_come_and_go_leave_nothing(outfit, make_probe, until, count):
+    given = {
+        "mocap_player": {},
+        "collider_node": {"outfit": outfit},
+        "cloth_node": {"outfit": outfit},
+    }
+    probe = make_probe("/host")
+    with OneProcess() as process:
+        process.add("/host", given)
+        wait_for(process, lambda: process.is_dressed)
+        rounds_of(process, given, 3)
+        memory, threads = psutil.Process().memory_info().rss, psutil.Process().num_threads()
+        rounds_of(process, given, count)
+        grown = psutil.Process().memory_info().rss - memory
+        assert psutil.Process().num_threads() <= threads + 3  # those that come and go
+        assert [here(k) for k in (MocapPlayer, ColliderNode, ClothNode)] == [1, 1, 1]
+        assert grown < 2**20 * max(8, 0.3 * count)
+        until(
+            lambda: not [n for n in probe.node.get_node_names_and_namespaces() if "guest" in n[1]],
+            "all guests to have gone",
+        )
+        frames = process.measure()
+        wait_for(process, lambda: frames.figures()["avatars"]["/host"]["frames"] > 5)
+
+
+def test_poses_come_in_step_with_frames():
+    _, nodes = in_step({"mocap_player": {}, "collider_node": {}, "cloth_node": {"rate": 25.0}})
+    assert nodes["mocap_player"]["rate"] == 50.0  # the clip has 100, more than is worth it
+    assert nodes["cloth_node"]["delay"] == 0.0
+    given = {"mocap_player": {"rate": 7.0}, "collider_node": {}, "cloth_node": {"delay": 0.1}}
+    _, nodes = in_step(given)
+    assert nodes["mocap_player"]["rate"] == 7.0
+    assert nodes["cloth_node"]["delay"] == 0.1
+    _, nodes = in_step({"collider_node": {}, "cloth_node": {}})
+    assert nodes["cloth_node"] == {}
+
+
+def test_the_description_that_is_handed_over_is_published(outfit, make_probe, until):
+    with OneProcess() as process:
+        process.add("/told", {"collider_node": {}, "cloth_node": {"outfit": outfit}})
+        probe = make_probe("/told")
+        text = probe.listen(COLLIDER_DESCRIPTION)
+        until(lambda: probe.received(text), "the description")
+        with contextlib.suppress(ValueError):
+            assert json.loads(probe.received(text)[0].data)["version"] == 1
