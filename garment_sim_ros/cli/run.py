@@ -4,10 +4,11 @@ import argparse
 import json
 import math
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from garment_sim_ros.cli.avatar_options import add_avatar_options, check_files, node_parameters
-from garment_sim_ros.cli.interrupts import interrupts_held
+from garment_sim_ros.cli.interrupts import interrupts_held, interrupts_kept
 from garment_sim_ros.errors import GarmentSimError, ParameterError
 
 if TYPE_CHECKING:
@@ -51,10 +52,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         raise GarmentSimError(
             f"rclpy: {error}; source ROS 2 or pip install 'garment_sim_ros[ros]'"
         ) from None
-    with OneProcess() as process:
+    with interrupts_kept() as check, OneProcess() as process:
         for namespace in _namespaces(args.namespace, args.avatars):
             process.add(namespace, nodes)
-        return _watch(args, process)
+        return _watch(args, process, check)
 
 
 def _namespaces(base: str, count: int) -> list[str]:
@@ -65,7 +66,9 @@ def _namespaces(base: str, count: int) -> list[str]:
     return [f"/{base}/avatar_{i + 1}" if base else f"/avatar_{i + 1}" for i in range(count)]
 
 
-def _watch(args: argparse.Namespace, process: "OneProcess") -> dict[str, Any]:
+def _watch(
+    args: argparse.Namespace, process: "OneProcess", check: Callable[[], None]
+) -> dict[str, Any]:
     """Until the time is up, or Ctrl-C; prints how they ran.
 
     Time counts from when all are dressed, where a clip is played.
@@ -76,6 +79,7 @@ def _watch(args: argparse.Namespace, process: "OneProcess") -> dict[str, Any]:
     try:
         while True:
             time.sleep(_LOOK)
+            check()
             process.check()
             passed = time.monotonic() - began
             if not is_dressed and process.is_dressed:

@@ -119,6 +119,7 @@ class Turns:
                     self._enter(due)
                 if self._ended.is_set():
                     self._wake()
+            del due  # this thread may wait for long before it has another
 
     def _enter(self, due: Due) -> None:
         at = time.monotonic_ns() + max(0, due.ahead())
