@@ -3,6 +3,7 @@
 import argparse
 import json
 import math
+import sys
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -32,6 +33,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="",
         help="of the avatar; several are NS/avatar_1, NS/avatar_2, ... (default: none)",
     )
+    add(
+        "--humans",
+        action="store_true",
+        help="dress bodies that come and go as /humans/bodies/<id>/joint_states, without a clip",
+    )
     add("--seconds", metavar="S", type=float, help="end after so long; default: at Ctrl-C")
 
 
@@ -39,23 +45,35 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Run the avatars, then print how they ran."""
     if not 1 <= args.avatars <= _MOST:
         raise ParameterError("--avatars", f"found {args.avatars}", f"allowed: 1 to {_MOST}")
+    if args.humans and (args.avatars != 1 or args.namespace):
+        raise ParameterError(
+            "--humans", "found with --avatars or --namespace", "allowed: bodies have their own"
+        )
     if args.seconds is not None and not 0.0 < args.seconds <= 1e9:
         raise ParameterError("--seconds", f"found {args.seconds:g}", "allowed: above 0, to 1e9")
     check_files(args)
     nodes = node_parameters(args)
-    if not args.clip:
+    if args.humans or not args.clip:
         del nodes["mocap_player"]
     try:
         with interrupts_held():  # an import that is cut short looks like one that fails
+            from garment_sim_ros.ros.bodies import Bodies
             from garment_sim_ros.ros.one_process import OneProcess
     except ImportError as error:
         raise GarmentSimError(
             f"rclpy: {error}; source ROS 2 or pip install 'garment_sim_ros[ros]'"
         ) from None
     with interrupts_kept() as check, OneProcess() as process:
+        if args.humans:
+            with Bodies(process, nodes, _MOST, _warn) as bodies:
+                return _watch(args, process, check, bodies.look)
         for namespace in _namespaces(args.namespace, args.avatars):
             process.add(namespace, nodes)
-        return _watch(args, process, check)
+        return _watch(args, process, check, lambda: None)
+
+
+def _warn(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
 
 
 def _namespaces(base: str, count: int) -> list[str]:
@@ -67,33 +85,37 @@ def _namespaces(base: str, count: int) -> list[str]:
 
 
 def _watch(
-    args: argparse.Namespace, process: "OneProcess", check: Callable[[], None]
+    args: argparse.Namespace,
+    process: "OneProcess",
+    check: Callable[[], None],
+    look: Callable[[], None],
 ) -> dict[str, Any]:
     """Until the time is up, or Ctrl-C; prints how they ran.
 
     Time counts from when all are dressed, where a clip is played.
     """
-    measured, is_dressed = process.measure(), False
-    began = time.monotonic()
+    is_dressed = False
+    began, plays = time.monotonic(), bool(args.clip) and not args.humans
     seconds = math.inf if args.seconds is None else args.seconds
     try:
         while True:
             time.sleep(_LOOK)
             check()
             process.check()
+            look()
             passed = time.monotonic() - began
             if not is_dressed and process.is_dressed:
-                measured, is_dressed = process.measure(), True
-                began = time.monotonic()
-            elif passed >= seconds and (is_dressed or not args.clip):
+                process.measure()
+                is_dressed, began = True, time.monotonic()
+            elif passed >= seconds and (is_dressed or not plays):
                 break
             elif passed >= max(seconds, _START_LIMIT) and not is_dressed:
                 raise GarmentSimError(f"no cloth after {passed:.0f} s; the nodes have said why")
     except KeyboardInterrupt:
-        figures = measured.figures()
+        figures = process.figures()
         print(json.dumps(figures) if args.json else _table(figures), flush=True)
         raise
-    figures = measured.figures()
+    figures = process.figures()
     if not args.json:
         print(_table(figures))
     return figures

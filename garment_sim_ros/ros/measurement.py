@@ -1,7 +1,7 @@
 """How well avatars of one process run: rate, late frames, latency, processor time."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,18 +12,20 @@ _COUNTED = ("frames", "late_frames", "skipped_s")
 
 
 class Measurement:
-    """From now on.
+    """From now on, of the avatars that are added."""
 
-    Args:
-        avatars: Avatars that have shown their first cloth.
-    """
-
-    def __init__(self, avatars: Sequence[AvatarNodes]) -> None:
-        self._avatars = avatars
-        for avatar in avatars:
-            avatar.cloth.ages.clear()
-        self._before = [_values(avatar) for avatar in avatars]
+    def __init__(self) -> None:
+        self._before: dict[AvatarNodes, tuple[float, Mapping[str, Any]]] = {}
         self._began, self._processor = time.monotonic(), time.process_time()
+
+    def add(self, avatar: AvatarNodes) -> None:
+        """Measure an avatar from now on."""
+        avatar.cloth.ages.clear()
+        self._before[avatar] = time.monotonic(), _values(avatar)
+
+    def drop(self, avatar: AvatarNodes) -> None:
+        """Forget an avatar."""
+        self._before.pop(avatar, None)
 
     def figures(self) -> dict[str, Any]:
         """What there was so far.
@@ -41,8 +43,8 @@ class Measurement:
             "seconds": round(seconds, 2),
             "processor_percent": round(100.0 * processor / max(seconds, 1e-9), 1),
             "avatars": {
-                avatar.namespace or "/": _of_one(avatar, before, seconds)
-                for avatar, before in zip(self._avatars, self._before, strict=True)
+                avatar.namespace or "/": _of_one(avatar, began, before)
+                for avatar, (began, before) in self._before.items()
             },
         }
 
@@ -52,8 +54,8 @@ def _values(avatar: AvatarNodes) -> Mapping[str, Any]:
     return avatar.cloth.condition().values
 
 
-def _of_one(avatar: AvatarNodes, before: Mapping[str, Any], seconds: float) -> dict[str, Any]:
-    now = _values(avatar)
+def _of_one(avatar: AvatarNodes, began: float, before: Mapping[str, Any]) -> dict[str, Any]:
+    now, seconds = _values(avatar), time.monotonic() - began
     counted = {name: now.get(name, 0) - before.get(name, 0) for name in _COUNTED}
     ages = list(avatar.cloth.ages) or [0.0]
     return {

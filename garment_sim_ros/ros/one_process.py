@@ -40,18 +40,22 @@ class OneProcess:
 
     Args:
         threads: Threads that run them; None: one for each processor.
+
+    Attributes:
+        context: Theirs, while the block runs.
     """
 
     def __init__(self, threads: int | None = None) -> None:
         self._count = threads or len(os.sched_getaffinity(0))
         self._made = 0
         self._avatars: dict[str, AvatarNodes] = {}
+        self._measurement = Measurement()
 
     def __enter__(self) -> "OneProcess":
         prepare_process()
-        self._context = Context()
+        self.context = Context()
         # Ctrl-C belongs to the program, which then leaves this block.
-        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=[], context=self.context, signal_handler_options=SignalHandlerOptions.NO)
         self._turns = Turns(self._count)
         return self
 
@@ -65,7 +69,7 @@ class OneProcess:
         for avatar in self._avatars.values():
             avatar.destroy()
         self._avatars.clear()
-        rclpy.shutdown(context=self._context)
+        rclpy.shutdown(context=self.context)
 
     def add(self, namespace: str, parameters: Mapping[str, Mapping[str, Any]]) -> None:
         """Start the nodes of an avatar.
@@ -84,7 +88,7 @@ class OneProcess:
         origin = time.time_ns() + round(self._made * _SPREAD % 1.0 * SECOND / rate)
         self._made += 1
         try:
-            avatar = AvatarNodes(self._context, namespace, parameters, origin)
+            avatar = AvatarNodes(self.context, namespace, parameters, origin)
         except InvalidNamespaceException:
             raise ParameterError(
                 "--namespace", f"found {namespace!r}", "allowed: names of letters, digits and _"
@@ -95,6 +99,7 @@ class OneProcess:
             avatar.destroy()
             raise
         self._avatars[namespace] = avatar
+        self._measurement.add(avatar)
         for part in avatar.parts:
             self._turns.add(part)
         del clip  # the player has it
@@ -107,9 +112,15 @@ class OneProcess:
         _give_back_memory()
 
     def _end(self, avatar: AvatarNodes) -> None:
+        self._measurement.drop(avatar)
         for part in avatar.parts:
             self._turns.remove(part)
         avatar.destroy()
+
+    @property
+    def namespaces(self) -> set[str]:
+        """Of the avatars that there are."""
+        return set(self._avatars)
 
     @property
     def is_dressed(self) -> bool:
@@ -125,9 +136,15 @@ class OneProcess:
         if self._turns.failure is not None:
             raise self._turns.failure
 
-    def measure(self) -> Measurement:
-        """Begin to measure the avatars that there are."""
-        return Measurement(tuple(self._avatars.values()))
+    def measure(self) -> None:
+        """Measure from now on how well avatars run; those that come later from then on."""
+        self._measurement = Measurement()
+        for avatar in self._avatars.values():
+            self._measurement.add(avatar)
+
+    def figures(self) -> dict[str, Any]:
+        """What was measured so far; see `Measurement`."""
+        return self._measurement.figures()
 
 
 def _give_back_memory() -> None:

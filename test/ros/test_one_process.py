@@ -1,9 +1,12 @@
 """Avatars whose nodes share one process: the same for everybody else."""
 
 import contextlib
+import dataclasses
 import gc
 import json
 import os
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -275,13 +278,13 @@ def test_no_avatar_starves_where_there_is_too_much_to_do(outfit):
         for i in range(4):
             process.add(f"/crowd_{i}", given)
         wait_for(process, lambda: process.is_dressed)
-        measured = process.measure()
-        found = measured.figures()["avatars"]
+        process.measure()
+        found = process.figures()["avatars"]
         frames = []
 
         def enough():
             nonlocal found, frames
-            found = measured.figures()["avatars"]
+            found = process.figures()["avatars"]
             frames = [a["frames"] for a in found.values()]
             return min(frames) > 30 or max(frames) > 300
 
@@ -323,8 +326,8 @@ def test_avatars_that_come_and_go_leave_nothing(outfit, make_probe, until, count
             lambda: not [n for n in probe.node.get_node_names_and_namespaces() if "guest" in n[1]],
             "all guests to have gone",
         )
-        frames = process.measure()
-        wait_for(process, lambda: frames.figures()["avatars"]["/host"]["frames"] > 5)
+        process.measure()
+        wait_for(process, lambda: process.figures()["avatars"]["/host"]["frames"] > 5)
 
 
 def test_poses_come_in_step_with_frames():
@@ -347,3 +350,62 @@ def test_the_description_that_is_handed_over_is_published(outfit, make_probe, un
         until(lambda: probe.received(text), "the description")
         with contextlib.suppress(ValueError):
             assert json.loads(probe.received(text)[0].data)["version"] == 1
+
+
+def test_bodies_are_dressed_when_they_come_and_undressed_when_they_go(
+    command, make_probe, until, outfit
+):
+    """Others publish their joint states and their skeletons, where REP-155 has them."""
+    bodies = ["/humans/bodies/anna", "/humans/bodies/bob"]
+    process = command("--humans", "--outfit", outfit, "--json")
+    clip = load_clip("walk")
+    sampler, joints = ClipSampler(clip, "carry"), Joints(clip.rig.dofs.names, "world")
+    probe = make_probe("/humans_probe")
+    nodes = probe.node.get_node_names_and_namespaces
+
+    def publishers(body):
+        make = probe.node.create_publisher
+        topics = (ROBOT_DESCRIPTION, JOINT_STATES)
+        return [make(t.type, f"{body}/{t.name}", t.profile()) for t in topics]
+
+    walking = {body: publishers(body) for body in bodies}
+    for description, _ in walking.values():
+        description.publish(String(data=urdf_from_clip(clip, "world")))
+    points = [f"{body}/garments/skirt/points" for body in bodies]
+    for topic in points:
+        probe.listen(dataclasses.replace(GARMENT_POINTS, name=topic), raw=True)
+
+    def walk():
+        now = time.time_ns()
+        data = joints.fill(now, sampler.sample(now / SECOND % 5.0))
+        for _, states in walking.values():
+            states.publish(data)
+        time.sleep(0.02)
+
+    def walk_until(condition, what):
+        until(lambda: walk() or condition(), what)
+
+    walk_until(lambda: all(len(probe.received(t)) > 5 for t in points), "cloth of both")
+    for publisher in walking.pop(bodies[0]):
+        probe.node.destroy_publisher(publisher)
+    walk_until(lambda: not any(ns == bodies[0] for _, ns in nodes()), "the first to be gone")
+    came = len(probe.received(points[1]))
+    walk_until(lambda: len(probe.received(points[1])) > came + 10, "the other to go on")
+    process.send(signal.SIGINT)
+    code, printed = process.wait()
+    assert code == 130
+    assert list(json.loads(printed)["avatars"]) == [bodies[1]]
+    assert "Traceback" not in process.said
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "many_avatars.md"
+COMMANDS = re.findall(r"^garment-sim run ([^#\n]*)", PAGE.read_text(), re.MULTILINE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", COMMANDS)
+def test_commands_of_the_page_run(command, words):
+    process = command(*shlex.split(words))
+    code, printed = process.wait()
+    assert code == 0, process.said
+    assert "% of a core in" in printed or json.loads(printed)["processor_percent"] > 0.0
