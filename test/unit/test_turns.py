@@ -7,7 +7,7 @@ import pytest
 
 from garment_sim_ros.ros.turns import Turns
 
-LIMIT = 60.0
+LIMIT = 30.0
 
 
 class Thing:
