@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.cli import demo
+from garment_sim_ros.cli.avatar_options import RATE, node_parameters
 from garment_sim_ros.cli.main import parser
 from garment_sim_ros.params import PRESETS
 from garment_sim_ros.recording.bags import read_recording
@@ -53,7 +54,7 @@ def cores_taken(count: int) -> Iterator[None]:
 def run(preset: str, seconds: float, busy: int) -> dict[str, Any]:
     """The figures of one run."""
     words = ["demo", "--preset", preset]
-    parameters = demo._parameters(parser("demo").parse_args(words))
+    parameters = node_parameters(parser("demo").parse_args(words))
     with tempfile.TemporaryDirectory() as folder:
         with cores_taken(busy):
             demo._record(parameters, seconds, Path(folder), time.monotonic())
@@ -64,7 +65,7 @@ def run(preset: str, seconds: float, busy: int) -> dict[str, Any]:
     level = one.get("auto_level", np.zeros(0))[_SETTLING:].astype(int).tolist()
     return {
         "frames": len(late),
-        "late_percent": 100.0 * float(late[-1]) / (demo.RATE * seconds - _SETTLING),
+        "late_percent": 100.0 * float(late[-1]) / (RATE * seconds - _SETTLING),
         "step_ms": float(np.median(one["step_ms"][_SETTLING:])),
         "step_ms_p95": float(np.percentile(one["step_ms"][_SETTLING:], 95.0)),
         "strain_p95": float(np.median(whole)),

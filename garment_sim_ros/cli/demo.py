@@ -8,22 +8,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from garment_sim_ros.cli.node_processes import NodeProcesses, own_network
-from garment_sim_ros.cli.preset_options import (
-    add_preset_options,
-    choice_of,
-    refuse_doubly_said,
+from garment_sim_ros.cli.avatar_options import (
+    add_avatar_options,
+    check_files,
+    node_parameters,
+    said_of_cloth,
 )
+from garment_sim_ros.cli.node_processes import NodeProcesses, own_network
+from garment_sim_ros.cli.preset_options import choice_of
 from garment_sim_ros.cli.progress import Waiting, progress
 from garment_sim_ros.cli.staging import staged
-from garment_sim_ros.errors import GarmentSimError, InputFileError, ParameterError
-from garment_sim_ros.params import ClothNodeParameters
-from garment_sim_ros.presets import Choice
+from garment_sim_ros.errors import GarmentSimError, ParameterError
 
 EXAMPLE = "garment-sim demo --body avatar.glb --clip dance.bvh --out out/dance"
 
-OUTFIT = "tshirt_short_skirt"
-RATE = 60.0  # of the cloth [Hz]
 _START_LIMIT = 180.0  # for the first cloth, once no node says that it is at work [s]
 _WAIT = 0.1
 
@@ -32,12 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add = parser.add_argument
     add("--seconds", metavar="S", type=float, default=8.0, help="to record (default: 8)")
-    add("--body", metavar="F", default="mannequin", help="body file (default: mannequin)")
-    add("--body-bone-names", metavar="F", default="", help="YAML file of the body's bones")
-    add("--bone-names", metavar="F", default="", help="YAML file of the clip's bones")
-    add("--clip", metavar="F", default="walk", help="BVH or rosbag2 (default: a built-in walk)")
-    add("--outfit", metavar="F", default=OUTFIT, help=f"outfit YAML (default: {OUTFIT})")
-    add_preset_options(parser)
+    add_avatar_options(parser)
     add("--out", metavar="DIR", type=Path, default=Path("out/demo"), help="default: out/demo")
 
 
@@ -46,14 +39,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     began = time.monotonic()
     if not 1.0 <= args.seconds <= 3600.0:
         raise ParameterError("--seconds", f"found {args.seconds:g}", "allowed: 1 to 3600")
-    for option in ("body", "body_bone_names", "bone_names", "clip", "outfit"):
-        name = getattr(args, option).partition(":")[0]
-        # A name without an ending may be a built-in one; the node that loads it knows.
-        if Path(name).suffix and not Path(name).exists():
-            raise InputFileError(
-                f"--{option.replace('_', '-')} {name}", "does not exist", "allowed: a file"
-            )
-    nodes = _parameters(args)
+    check_files(args)
+    nodes = node_parameters(args)
     with staged(args.out) as stage:
         first_cloth = _record(nodes, args.seconds, stage, began)
         from garment_sim_ros.recording.evaluation import evaluate
@@ -78,31 +65,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     return summary
 
 
-def _parameters(args: argparse.Namespace) -> dict[str, dict[str, Any]]:
-    """What each node is started with.
-
-    Raises:
-        ParameterError: `--preset` or `--set` has something that is not allowed.
-    """
-    choice = choice_of(args)
-    worn = {"body": args.body, "outfit": args.outfit, "body_bone_names": args.body_bone_names}
-    nodes = {
-        "cloth_node": {**worn, "rate": _said(choice).get("rate", RATE)},
-        "collider_node": {**worn, "bone_names": args.bone_names},
-        "mocap_player": {"clip": args.clip, "bone_names": args.bone_names, "loop": True},
-    }
-    refuse_doubly_said(choice, nodes, args)
-    return {node: {**own, **choice.given(node)} for node, own in nodes.items()}
-
-
-def _said(choice: Choice) -> dict[str, Any]:
-    """What preset and `--set` say of `cloth_node`."""
-    return choice.values("cloth_node", ClothNodeParameters)
-
-
 def _worn_with(args: argparse.Namespace) -> dict[str, Any]:
     """What holds the garments and how the skin follows its bones, where it is said."""
-    said = _said(choice_of(args))
+    said = said_of_cloth(choice_of(args))
     return {name: said[name] for name in ("attachments", "skinning") if name in said}
 
 

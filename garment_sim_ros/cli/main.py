@@ -18,6 +18,7 @@ COMMANDS = {
     "export": "turn a recorded avatar into a file for Blender and others",
     "fit": "fit colliders to a body",
     "info": "tell what would be modelled for an avatar and its outfit, and why",
+    "run": "run dressed avatars over ROS 2, all nodes in one process",
     "simulate": "dress a clip or a recording without nodes, faster than real time",
     "stability": "drive the solvers to extremes and tell where they hold",
     "tradeoff": "measure speed against accuracy, setting by setting",

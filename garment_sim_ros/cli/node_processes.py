@@ -7,14 +7,14 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import yaml
 
+from garment_sim_ros.cli.interrupts import interrupts_held
 from garment_sim_ros.errors import GarmentSimError
 
 _LOG_HEAD = re.compile(r"^\[[A-Z]+\] \[[0-9.]+\] \[\S+\]: ")
@@ -54,21 +54,6 @@ def own_network() -> dict[str, str]:
     raise GarmentSimError(f"ROS_DOMAIN_ID: all of 1 to {_DOMAINS} are taken by other programs")
 
 
-@contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Ctrl-C takes effect at the end: no process that was just started is lost."""
-    came: list[int] = []
-    signs = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(sign, lambda number, frame: came.append(number)) for sign in signs]
-    try:
-        yield
-    finally:
-        for sign, handler in zip(signs, before):
-            signal.signal(sign, handler)
-    if came:
-        raise KeyboardInterrupt
-
-
 class NodeProcesses:
     """Nodes that live as long as the `with` block.
 
@@ -98,7 +83,7 @@ class NodeProcesses:
         plain = {k: list(v) if isinstance(v, tuple) else v for k, v in parameters.items()}
         file.write_text(yaml.safe_dump({"/**": {"ros__parameters": plain}}))
         command = [sys.executable, "-m", f"garment_sim_ros.ros.{name}"]
-        with (self._logs / f"{name}.log").open("wb") as log, _interrupts_held():
+        with (self._logs / f"{name}.log").open("wb") as log, interrupts_held():
             self._processes[name] = subprocess.Popen(
                 [*command, "--ros-args", "--params-file", str(file)],
                 stdin=subprocess.DEVNULL,
@@ -158,7 +143,7 @@ class NodeProcesses:
                     f"it said: {self.last_words(name)}"
                 )
 
-    @_interrupts_held()
+    @interrupts_held()
     def _end(self) -> None:
         for sign in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             running = [p for p in self._processes.values() if p.poll() is None]

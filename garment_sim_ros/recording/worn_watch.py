@@ -7,6 +7,7 @@ That takes longer than a frame may: it goes in pieces, each when a frame was jus
 
 import threading
 import time
+import weakref
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -30,7 +31,7 @@ from garment_sim_ros.stepping_back import step_back
 _PERIOD = 0.5
 """Least time between two measurements of `inside` [s]."""
 _REST = 30.0
-"""Least such time per processor time of one."""
+"""Least such time per processor time of one; where several bodies are watched, of one of each."""
 _PIECE = 1500
 """Points whose distance is taken at once."""
 _PATIENCE = 0.1
@@ -109,6 +110,7 @@ class _InsideSoFar:
     """Measures `inside` of frames as they are offered, when there is time."""
 
     def __init__(self, colliders: ColliderSet, body: Body, garments: Sequence[Garment]) -> None:
+        _watched.add(self)
         self._colliders, self._body, self._worn = colliders, body, garments
         self.latest = dict.fromkeys((g.name for g in garments), 0.0)
         bins = round(1.0 / _BIN) + 1
@@ -175,7 +177,8 @@ class _InsideSoFar:
             self._quantiles = {}
         except GarmentSimError:
             return  # A body without a skin to be inside of: not measured again.
-        self._not_before = time.monotonic() + max(_PERIOD, _REST * (time.thread_time() - began))
+        rest = _REST * len(_watched) * (time.thread_time() - began)
+        self._not_before = time.monotonic() + max(_PERIOD, rest)
 
     def _distances(self, points: FloatArray, patience: float) -> FloatArray:
         """Signed distances from the skin [m], shape [n]; a piece after each frame.
@@ -198,6 +201,9 @@ class _InsideSoFar:
             }
             self._distance = MeshDistance(skin.vertices, skin.triangles)
             self._skin = SkinFromPoses(self._colliders, self._body)
+
+
+_watched: weakref.WeakSet[_InsideSoFar] = weakref.WeakSet()
 
 
 def _quantile(counts: NDArray[np.int64], share: float) -> float:

@@ -71,7 +71,8 @@ class Background(Generic[Made]):
         self._begin()
         thread = self._thread
         if thread is None:
-            time.sleep(longest if self.busy else 0.0)
+            if longest and self.busy:
+                time.sleep(longest)
             return None
         thread.join(longest)
         if thread.is_alive():

@@ -3,12 +3,11 @@
 import math
 import sys
 import time
+from collections import deque
 from dataclasses import replace
 from threading import Thread
 from typing import Any
 
-from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
 from std_srvs.srv import SetBool, Trigger
 
 from garment_sim_ros.body.loaders.load import load_body
@@ -25,12 +24,14 @@ from garment_sim_ros.ros.conversions import StampedPoses, poses_from, text_from
 from garment_sim_ros.ros.diagnostics import Condition
 from garment_sim_ros.ros.dresser import Dressed, Dresser
 from garment_sim_ros.ros.garment_publishers import GarmentPublishers
-from garment_sim_ros.ros.garment_quality import GarmentQuality
+from garment_sim_ros.ros.garment_quality import GarmentQuality, quality
 from garment_sim_ros.ros.lifecycle import ManagedNode
 from garment_sim_ros.ros.pace import Pace, check_pace
+from garment_sim_ros.ros.place import ALONE, Place
 from garment_sim_ros.ros.process import run
 from garment_sim_ros.ros.progress import reporting
 from garment_sim_ros.ros.rclpy_internals import PARTICIPANT, Taken
+from garment_sim_ros.ros.shared import shared
 from garment_sim_ros.ros.sources import OTHER_PUBLISHER, Source
 from garment_sim_ros.ros.topics import COLLIDER_DESCRIPTION, COLLIDER_POSES, QUALITY
 from garment_sim_ros.sim.account import account, in_words
@@ -44,6 +45,7 @@ _FASTEST_INPUT = 1000.0
 """Poses may come this often without any being lost between two frames [Hz]."""
 _MOST_DESCRIBED = 4
 """Processes whose descriptions are kept, for the case that their poses are followed."""
+_KEPT_AGES = 10_000
 _WAIT = 0.1
 """Between two looks whether the node is to end [s]."""
 _MOST_EARLY_POSES = 10_000
@@ -51,10 +53,15 @@ _MOST_EARLY_POSES = 10_000
 
 
 class ClothNode(ManagedNode[ClothNodeParameters]):
-    """Simulates an outfit on colliders that others pose."""
+    """Simulates an outfit on colliders that others pose.
 
-    def __init__(self) -> None:
-        super().__init__("cloth_node", ClothNodeParameters)
+    Attributes:
+        frames: Frames published so far.
+        ages: Time from the stamps of the latest ones until they were published [ms].
+    """
+
+    def __init__(self, place: Place = ALONE) -> None:
+        super().__init__("cloth_node", ClothNodeParameters, place)
         self._environment = self.declare(
             Environment,
             check=lambda environment: self._try(environment, self._settings.values),
@@ -70,11 +77,10 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         self._qualities: list[GarmentQuality] = []
         self._early: list[StampedPoses] = []
         self._still_dressing: Thread | None = None
-        self._paused = False
-        self._forces_are_new = False
-        self._frames = 0
-        self._late_frames = 0
+        self._paused = self._forces_are_new = False
+        self.frames = self._late_frames = 0
         self._step_ms = 0.0
+        self.ages: deque[float] = deque(maxlen=_KEPT_AGES)
         self.create_service(Trigger, "~/reset", self._reset)
         self.create_service(SetBool, "~/pause", self._pause)
 
@@ -99,7 +105,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             compiler.expect(expected_scene(file, usual), self._forces(), tell)
         # Last: by now `collider_node` may have left it in the cache.
         with reporting(self.get_logger().info, f"load the body {p.body}"):
-            body = load_body(p.body, bone_names=p.body_bone_names)
+            body = shared(load_body, p.body, bone_names=p.body_bone_names)
             body = replace(body, skinning=p.skinning)
         if missing := missing_bones_of(body, "body_bone_names"):
             self.get_logger().warning(missing)
@@ -211,9 +217,9 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             stale=stale,
             values={
                 "input_age_s": silent,
-                "frames": self._frames,
+                "frames": self.frames,
                 "late_frames": self._late_frames,
-                "step_ms": self._step_ms,
+                **{"step_ms": self._step_ms, "age_ms": self.ages[-1] if self.ages else 0.0},
                 **self._watch.figures()._asdict(),
                 **stepper.figures(),
                 **totals(health),
@@ -278,14 +284,12 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         self._qualities = [
             GarmentQuality(name, simulation, dressed.watch) for name in simulation.names
         ]
-        for line in in_words(account(simulation)):
+        for line in (*in_words(account(simulation)), *dressed.notes):
             self.get_logger().info(line)
         for number, garment in enumerate(dressed.garments):
             if garment.name not in self._topics:
                 self._topics[garment.name] = GarmentPublishers(self, garment.name, p)
             self._topics[garment.name].show(garment, number)
-        for note in dressed.notes:
-            self.get_logger().info(note)
 
     def _take_poses(self, taken: Taken) -> None:
         message = poses_from(taken.data)
@@ -331,7 +335,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             return
         self._pace.begin(self._ticker, due)
         self._take_over_forces()
-        self._late_frames += ticks - 1 if self._frames else 0
+        self._late_frames += ticks - 1 if self.frames else 0
         self._step_ms, moved = 0.0, False
         if not self._paused:
             try:
@@ -360,19 +364,17 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             name: self._topics[name].publish(stepper.simulation, stepper.time)
             for name in stepper.simulation.names
         }
+        self.ages.append(1e-6 * (self.get_clock().now().nanoseconds - stepper.time))
         self._watch.look(stepper.poses, shown)
-        self._frames += 1
+        self.frames += 1
         if self._quality.get_subscription_count():
             figures: dict[str, object] = {
                 **{"step_ms": self._step_ms, "late_frames": self._late_frames},
                 **{"coarse_s": stepper.coarse / SECOND, "skipped_s": stepper.skipped / SECOND},
                 **self._pace.figures(),
             }
-            message = DiagnosticArray(
-                status=[q.status(figures, resets=stepper.resets) for q in self._qualities]
-            )
-            message.header.stamp = Time(sec=stepper.time // SECOND, nanosec=stepper.time % SECOND)
-            self._quality.publish(message)
+            of_all = [q.status(figures, resets=stepper.resets) for q in self._qualities]
+            self._quality.publish(quality(of_all, stepper.time))
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self._stepper is not None and self._stepper.has_poses

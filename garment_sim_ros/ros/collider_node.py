@@ -18,10 +18,12 @@ from garment_sim_ros.ros.conversions import JointStates, text_from
 from garment_sim_ros.ros.diagnostics import Condition
 from garment_sim_ros.ros.joint_channels import MISSING, UNKNOWN, JointChannels
 from garment_sim_ros.ros.lifecycle import ManagedNode
+from garment_sim_ros.ros.place import ALONE, Place
 from garment_sim_ros.ros.posed_avatar import PosedAvatar, Skeleton, read_skeleton, wear
 from garment_sim_ros.ros.process import run
 from garment_sim_ros.ros.progress import reporting
 from garment_sim_ros.ros.rclpy_internals import Taken
+from garment_sim_ros.ros.shared import shared
 from garment_sim_ros.ros.sources import Source
 from garment_sim_ros.ros.stamp_order import StampOrder
 from garment_sim_ros.ros.topics import (
@@ -33,7 +35,6 @@ from garment_sim_ros.ros.topics import (
     ROOT_POSE,
 )
 from garment_sim_ros.stamps import SECOND
-from garment_sim_ros.stepping_back import step_back
 
 _DESCRIPTION = "robot_description"
 _SHOWN = 5
@@ -51,8 +52,8 @@ def _unposed(q: FloatArray, time: float) -> FloatArray:
 class ColliderNode(ManagedNode[ColliderNodeParameters]):
     """Fits colliders to a body and poses them as the source skeleton moves."""
 
-    def __init__(self) -> None:
-        super().__init__("collider_node", ColliderNodeParameters)
+    def __init__(self, place: Place = ALONE) -> None:
+        super().__init__("collider_node", ColliderNodeParameters, place)
         self._still_reading: Thread | None = None
         self._avatar: PosedAvatar | None = None
         self._channels: JointChannels | None = None
@@ -81,9 +82,8 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         self._root_out = self.advertise(ROOT_POSE)
         if p.body:
             with reporting(self.get_logger().info, f"load {p.body} and fit its colliders"):
-                self._avatar = wear(
-                    load_body(p.body, bone_names=p.body_bone_names), p, self.get_logger()
-                )
+                body = shared(load_body, p.body, bone_names=p.body_bone_names)
+                self._avatar = wear(body, p, self.get_logger())
         self._skeleton = Background(self._read, _DESCRIPTION, self._still_reading)
         self.take_in(ROBOT_DESCRIPTION, self._take_description, always=True)
         self._source = Source(p.stale_after)
@@ -93,8 +93,6 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
 
     def start(self) -> None:
         """Publish the colliders; poses follow as joint states come."""
-        # Poses are wanted an input period after they came: cloth, due earlier, goes first.
-        step_back()
         if self._avatar is not None:
             self._description_out.publish(String(data=to_json(self._avatar.colliders)))
 
@@ -224,7 +222,8 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         T_world_joint = self._world_joints(self._channels.values, stamp / SECOND)
         poses, data = avatar.posed(T_world_joint, stamp)
         self._poses_out.publish(data)
-        self._root_out.publish(avatar.root(T_world_joint, stamp))
+        if self._root_out.get_subscription_count():
+            self._root_out.publish(avatar.root(T_world_joint, stamp))
         self._sent += 1
         if self._markers_out.get_subscription_count():
             markers = avatar.due_markers(stamp, poses)
@@ -234,7 +233,8 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point of the executable."""
-    return run("collider_node", ColliderNode, argv)
+    # Poses are wanted an input period after they came: cloth, due earlier, goes first.
+    return run("collider_node", ColliderNode, argv, steps_back=True)
 
 
 if __name__ == "__main__":

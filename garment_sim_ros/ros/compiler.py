@@ -4,7 +4,7 @@ import dataclasses
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -18,19 +18,20 @@ from garment_sim_ros.sim.warm_up import Features, Scene, warm_up
 
 
 class Compiler:
-    """Compiles for scenes and parameters before a frame needs it.
+    """Compiles for scenes and parameters before a frame needs it; all of a process share it.
 
     Args:
         solver: Name of the solver.
         also: Functions whose kernels are compiled, too.
     """
 
+    _compiled: ClassVar[set[tuple[Any, ...]]] = set()
+    _lock = threading.Lock()
+
     def __init__(self, solver: str, *also: Callable[[], None]) -> None:
         self._solver = solver
         self._also = also
         self._scene = Scene()
-        self._compiled: set[tuple[Scene, tuple[Any, ...]]] = set()
-        self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
 
     def compile(
@@ -51,7 +52,7 @@ class Compiler:
         """
         with self._lock:
             self._scene = scene
-            key = (scene, _choice(parameters))
+            key = self._key(scene, parameters)
             if key not in self._compiled:
                 compile_ahead(scene, self._solver, parameters, tell, also=self._also)
                 warm_up(scene, self._solver, parameters)
@@ -66,7 +67,7 @@ class Compiler:
 
     def is_ready(self, parameters: Parameters) -> bool:
         """Whether nothing is left to compile for the current scene with other parameters."""
-        return (self._scene, _choice(parameters)) in self._compiled
+        return self._key(self._scene, parameters) in self._compiled
 
     def compile_for(self, parameters: Parameters) -> None:
         """Compile for the current scene with other parameters."""
@@ -75,7 +76,10 @@ class Compiler:
             self.compile(scene, parameters)
         except GarmentSimError:
             # Whoever gives these parameters to the simulation gets the same error.
-            self._compiled.add((scene, _choice(parameters)))
+            self._compiled.add(self._key(scene, parameters))
+
+    def _key(self, scene: Scene, parameters: Parameters) -> tuple[Any, ...]:
+        return self._solver, self._also, scene, _choice(parameters)
 
     def begin(self, parameters: Parameters) -> None:
         """`compile_for` beside the node's thread, unless it is at it."""

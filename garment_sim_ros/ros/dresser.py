@@ -18,6 +18,8 @@ from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.warm_up import Scene
 
 DESCRIPTION = "collider_description"
+_alone = threading.Lock()
+"""One body after the other: what frames there are beside it are to be kept."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,20 +146,24 @@ class Dresser:
                 "frame_id", f"found {colliders.frame_id!r}; allowed: {self._frame_id!r}"
             )
         try:
-            parameters = self._parameters()
-            outfit, simulation = dress(
-                self._outfit,
-                self._body,
-                colliders,
-                attachments=self._attachments,
-                solver=self._solver,
-                solver_step=self._solver_step,
-                parameters=parameters,
-            )
-            # What the outfit did not tell of is compiled here and not in a frame.
-            self._compiler.compile(Scene.of(colliders, outfit.garments), parameters)
+            with _alone:
+                return self._dressed(colliders)
         except GarmentSimError as error:
             raise MessageError(DESCRIPTION, str(error)) from error
+
+    def _dressed(self, colliders: ColliderSet) -> Dressed:
+        parameters = self._parameters()
+        outfit, simulation = dress(
+            self._outfit,
+            self._body,
+            colliders,
+            attachments=self._attachments,
+            solver=self._solver,
+            solver_step=self._solver_step,
+            parameters=parameters,
+        )
+        # What the outfit did not tell of is compiled here and not in a frame.
+        self._compiler.compile(Scene.of(colliders, outfit.garments), parameters)
         return Dressed(
             revision=colliders.revision,
             simulation=simulation,

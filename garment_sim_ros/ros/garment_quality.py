@@ -1,11 +1,13 @@
 """What is told of one garment in each frame."""
 
-from diagnostic_msgs.msg import DiagnosticStatus
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from garment_sim_ros.recording.worn_watch import WornWatch
 from garment_sim_ros.ros.status import status
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.strain import StrainMeter
+from garment_sim_ros.stamps import SECOND
 
 
 class GarmentQuality:
@@ -52,3 +54,10 @@ class GarmentQuality:
         }
         well = health.resets == 0 and health.recovered == 0
         return status(self._name, values.items(), well=well)
+
+
+def quality(statuses: list[DiagnosticStatus], stamp: int) -> DiagnosticArray:
+    """The message of one frame, shown at a simulated time [ns]."""
+    message = DiagnosticArray(status=statuses)
+    message.header.stamp = Time(sec=stamp // SECOND, nanosec=stamp % SECOND)
+    return message

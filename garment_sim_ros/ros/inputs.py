@@ -9,8 +9,10 @@ import time
 from collections.abc import Callable, Sequence
 
 from rclpy.node import Node
+from rclpy.subscription import Subscription
 
 from garment_sim_ros.errors import GarmentSimError, MessageError
+from garment_sim_ros.ros.handover import Handed, Handover
 from garment_sim_ros.ros.interfaces import subscribe
 from garment_sim_ros.ros.rclpy_internals import Taken, Taker, Waiter
 from garment_sim_ros.ros.sources import Source
@@ -33,12 +35,14 @@ class Input:
         source: Which publisher is followed; None: all of them.
         room: Messages that may come between two calls of `take_all`.
         keep_all: Whether none may be lost.
+        handover: Topics that are not subscribed to, but handed over within the process.
 
     Attributes:
         topic: As given.
         source: As given.
         used: When the last usable message came, on a clock that only runs forward [ns].
         count: Usable messages so far.
+        subscription: None where messages are handed over.
     """
 
     def __init__(
@@ -51,6 +55,7 @@ class Input:
         source: Source | None = None,
         room: int = 0,
         keep_all: bool = False,
+        handover: Handover | None = None,
     ) -> None:
         self.topic = topic
         self.source = source
@@ -59,9 +64,16 @@ class Input:
         self._node = node
         self._take = take
         self._rejected = rejected
-        self.subscription = subscribe(node, topic, depth=room, keep_all=keep_all)
-        self._taker = Taker(self.subscription)
         self._most = max(room, _MOST_AT_ONCE)
+        self.subscription: Subscription | None = None
+        self._taker: Taker | Handed
+        self._handover = handover if handover is not None and topic in handover else None
+        if self._handover is not None:
+            depth = max(topic.depth, room)
+            self._taker = self._handover.read(topic, depth=depth, keep_all=keep_all)
+        else:
+            self.subscription = subscribe(node, topic, depth=room, keep_all=keep_all)
+            self._taker = Taker(self.subscription)
 
     def take_all(self) -> None:
         """Use the messages that have come, up to a number."""
@@ -70,6 +82,13 @@ class Input:
             if message is None:
                 return
             self._use(message)
+
+    def destroy(self) -> None:
+        """Take in nothing more."""
+        if self._handover is not None and isinstance(self._taker, Handed):
+            self._handover.leave(self.topic, self._taker)
+        if self.subscription is not None:
+            self._node.destroy_subscription(self.subscription)
 
     def silent(self) -> float:
         """Time since the last usable message, or since the input was made [s]."""
@@ -85,7 +104,7 @@ class Input:
         A followed publisher that is there no more is left.
         """
         source = self.source
-        if source is None or source.followed is None:
+        if source is None or source.followed is None or self.subscription is None:
             return ""
         others = source.others(time.monotonic_ns())
         if not others:
@@ -144,7 +163,8 @@ class Inputs:
 
     def __init__(self, node: Node, inputs: Sequence[Input]) -> None:
         self._inputs = inputs
-        self._waiter = Waiter(node.context, [i.subscription for i in inputs])
+        subscriptions = [i.subscription for i in inputs if i.subscription is not None]
+        self._waiter = Waiter(node.context, subscriptions)
 
     def wait(self, longest: int) -> None:
         """Sleep until messages come, at most some time [ns], and use them."""

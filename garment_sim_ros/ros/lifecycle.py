@@ -22,9 +22,11 @@ from garment_sim_ros.nodes import NODES
 from garment_sim_ros.params import LifecycleParameters, idle
 from garment_sim_ros.presets import preset_values
 from garment_sim_ros.ros.diagnostics import Condition, Diagnostics, Rejections
+from garment_sim_ros.ros.handover import HandingPublisher
 from garment_sim_ros.ros.inputs import Input, Inputs
 from garment_sim_ros.ros.interfaces import advertise, advertise_always
 from garment_sim_ros.ros.parameters import NodeParameters, set_on
+from garment_sim_ros.ros.place import ALONE, Place
 from garment_sim_ros.ros.rclpy_internals import (
     Taken,
     activate,
@@ -54,6 +56,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
     Args:
         name: The node's name.
         group: Its parameters.
+        place: Where it lives.
 
     Attributes:
         card: What there is to know of it beforehand.
@@ -69,8 +72,9 @@ class ManagedNode(LifecycleNode, Generic[Group]):
     _groups: tuple[NodeParameters[Any], ...] = ()
     _usual: Mapping[str, Any] = MappingProxyType({})
 
-    def __init__(self, name: str, group: type[Group]) -> None:
-        super().__init__(name)
+    def __init__(self, name: str, group: type[Group], place: Place = ALONE) -> None:
+        super().__init__(name, **place.options())
+        self._place = place
         self.card = NODES[name]
         self._told: set[str] = set()
         common = self.declare(LifecycleParameters).values
@@ -155,7 +159,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
 
     def tick_at(self, rate: float, callback: Callable[[int, int], None]) -> Ticker:
         """Begin to call back at a fixed rate [Hz]; see `Ticker`."""
-        self.ticker = Ticker(self, rate, callback)
+        self.ticker = Ticker(self, rate, callback, self._place.origin)
         return self.ticker
 
     def stop_ticking(self) -> None:
@@ -212,13 +216,16 @@ class ManagedNode(LifecycleNode, Generic[Group]):
 
     def advertise(
         self, topic: Topic, garment: str = "", *, keep_all: bool = False
-    ) -> LifecyclePublisher:
+    ) -> LifecyclePublisher | HandingPublisher:
         """A publisher, silent while the node is not active, that ends with what `prepare` made."""
         publisher = advertise(self, topic, garment, keep_all=keep_all)
         if self.state == "active":
             # Only those that are there beforehand are activated with the node.
             activate(publisher)
         self._advertised.append(publisher)
+        handover = self._place.handover
+        if handover is not None and topic in handover:
+            return HandingPublisher(publisher, topic, handover)
         return publisher
 
     def advertise_always(self, topic: Topic, garment: str = "") -> Publisher:
@@ -261,6 +268,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
             source=source,
             room=room,
             keep_all=keep_all,
+            handover=self._place.handover,
         )
         self.inputs.append(made)
         self._waits = None
@@ -303,7 +311,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
         """Forget what `prepare` and all after it made."""
         self.release()
         for i in self.inputs:
-            self.destroy_subscription(i.subscription)
+            i.destroy()
         self.inputs, self._waits = [], None
         for publisher in self._advertised:
             if isinstance(publisher, LifecyclePublisher):

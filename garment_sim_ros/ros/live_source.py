@@ -230,7 +230,7 @@ class LiveSource:
         for name, garment in list(self._garments.items()):
             if here and now - garment.seen >= _GONE:
                 for i in garment.inputs:
-                    self._node.destroy_subscription(i.subscription)
+                    i.destroy()
                 del self._garments[name]
                 self._dress()
 

@@ -9,14 +9,17 @@ from std_srvs.srv import SetBool, Trigger
 
 from garment_sim_ros.body.humanoid import load_humanoid_overrides
 from garment_sim_ros.errors import ParameterError
+from garment_sim_ros.mocap.clip import Clip
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import ClipSampler, rate_of
 from garment_sim_ros.mocap.source_urdf import urdf_from_clip
 from garment_sim_ros.params import MocapPlayerParameters
 from garment_sim_ros.ros.diagnostics import Condition
 from garment_sim_ros.ros.lifecycle import ManagedNode
+from garment_sim_ros.ros.place import ALONE, Place
 from garment_sim_ros.ros.process import run
 from garment_sim_ros.ros.serialize import Joints
+from garment_sim_ros.ros.shared import shared
 from garment_sim_ros.ros.topics import CLOCK, JOINT_STATES, ROBOT_DESCRIPTION
 from garment_sim_ros.stamps import SECOND
 
@@ -24,11 +27,21 @@ _LONGEST_STALL = 60 * SECOND
 """A stamp so far from the one before is of a clock that was set [ns]."""
 
 
+def read_clip(source: str, *, bone_names: str) -> Clip:
+    """A clip, with a file that names its bones, or none.
+
+    Raises:
+        InputFileError: A file cannot be used.
+    """
+    names = load_humanoid_overrides(bone_names) if bone_names else None
+    return load_clip(source, humanoid_overrides=names)
+
+
 class MocapPlayer(ManagedNode[MocapPlayerParameters]):
     """Plays on an absolute schedule: stamps are evenly spaced and do not drift."""
 
-    def __init__(self) -> None:
-        super().__init__("mocap_player", MocapPlayerParameters)
+    def __init__(self, place: Place = ALONE) -> None:
+        super().__init__("mocap_player", MocapPlayerParameters, place)
         self._sent = 0
         self._clip_time = 0.0
         self._stamp = 0
@@ -47,8 +60,7 @@ class MocapPlayer(ManagedNode[MocapPlayerParameters]):
         """
         p = self.parameters
         self.check_clock(simulated=bool(self.get_parameter("use_sim_time").value))
-        names = load_humanoid_overrides(p.bone_names) if p.bone_names else None
-        clip = load_clip(p.clip, humanoid_overrides=names)
+        clip = shared(read_clip, p.clip, bone_names=p.bone_names)
         for note in clip.notes:
             self.get_logger().info(f"{clip.name}: {note}")
         repeat = ("carry" if p.travel else "loop") if p.loop else "once"

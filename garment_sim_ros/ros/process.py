@@ -18,6 +18,7 @@ from garment_sim_ros.ros.arguments import in_short, plain_numbers
 from garment_sim_ros.ros.lifecycle import ManagedNode
 from garment_sim_ros.ros.rclpy_internals import RCLError
 from garment_sim_ros.ros.ticker import spin
+from garment_sim_ros.stepping_back import step_back
 
 _SWITCH_INTERVAL = 5e-4
 """Longest wait of a frame for a thread that makes something beside it in Python [s]."""
@@ -64,7 +65,11 @@ class _StopSignals:
 
 
 def run(
-    name: str, make_node: Callable[[], ManagedNode[Any]], argv: list[str] | None = None
+    name: str,
+    make_node: Callable[[], ManagedNode[Any]],
+    argv: list[str] | None = None,
+    *,
+    steps_back: bool = False,
 ) -> int:
     """Run a node until SIGINT, SIGTERM or the end of its context.
 
@@ -74,6 +79,7 @@ def run(
         name: The node's name.
         make_node: Makes the node.
         argv: Command line with ROS arguments; that of the process where None.
+        steps_back: Whether other processes go first once it spins.
 
     Returns:
         Exit code: 0, or 2 for a parameter or file that is not allowed, after one line about it.
@@ -83,16 +89,16 @@ def run(
         print(version() if asked == {"--version"} else NODES[name].help())
         return 0
     signals = _StopSignals()
-    sys.setswitchinterval(_SWITCH_INTERVAL)
-    # Sending happens in a thread of the middleware's: a slow reader does not delay a frame.
-    os.environ.setdefault("RMW_FASTRTPS_PUBLICATION_MODE", "ASYNCHRONOUS")
+    prepare_process()
     node: ManagedNode[Any] | None = None
     try:
         with plain_numbers(argv) as plain:
             rclpy.init(args=plain)
         node = make_node()
         if node.autostart:
-            _autostart(node)
+            autostart(node)
+        if steps_back:
+            step_back()
         # What lives now lives to the end: the collector need not look at it again.
         gc.collect()
         gc.freeze()
@@ -120,7 +126,19 @@ def run(
     return 0
 
 
-def _autostart(node: ManagedNode[Any]) -> None:
+def prepare_process() -> None:
+    """What a process with a time to keep does before anything else of `rclpy`."""
+    sys.setswitchinterval(_SWITCH_INTERVAL)
+    # Sending happens in a thread of the middleware's: a slow reader does not delay a frame.
+    os.environ.setdefault("RMW_FASTRTPS_PUBLICATION_MODE", "ASYNCHRONOUS")
+
+
+def autostart(node: ManagedNode[Any]) -> None:
+    """Configure and activate a node.
+
+    Raises:
+        GarmentSimError: It cannot be.
+    """
     if node.trigger_configure() != TransitionCallbackReturn.SUCCESS:
         raise node.failure or GarmentSimError(f"{node.get_name()} could not be configured")
     if node.trigger_activate() != TransitionCallbackReturn.SUCCESS:

@@ -6,8 +6,10 @@ and then (`spin`). In simulated time the calls come from a timer of the node's. 
 one topic instead waits for that alone in the same way.
 """
 
+import math
 import time
 from collections.abc import Callable
+from fractions import Fraction
 from typing import Protocol
 
 from rclpy.context import Context
@@ -36,6 +38,8 @@ class Ticker:
         rate: Calls per second [Hz].
         callback: Takes the time at which the call was due [ns] and how many periods have passed
             since the one before: 1, or more where calls had to be left out.
+        origin: A time of the grid in real time [ns]: tickers with the same one stay in step, where
+            their rates are multiples of each other. None: the grid begins now.
 
     Attributes:
         period: Time between calls [ns].
@@ -43,11 +47,17 @@ class Ticker:
     """
 
     def __init__(
-        self, node: LifecycleNode, rate: float, callback: Callable[[int, int], None]
+        self,
+        node: LifecycleNode,
+        rate: float,
+        callback: Callable[[int, int], None],
+        origin: int | None = None,
     ) -> None:
         self.period = round(SECOND / rate)
+        self._calls = Fraction(rate) / SECOND  # per nanosecond
         self._callback = callback
         self._node = node
+        self._given_origin = origin
         self._timer: Timer | None = None
         self.follow_clock(simulated=bool(node.get_parameter("use_sim_time").value))
 
@@ -55,7 +65,10 @@ class Ticker:
         """Go on with the node's clock, which may be another one than before."""
         self.destroy()
         self.is_simulated = simulated
-        self._due = self.now() + self.period
+        given = None if simulated else self._given_origin
+        self._origin = self.now() if given is None else given
+        self._number = 1 + self._last_before(self.now())
+        self._due = self._time_of(self._number)
         self._seen = self.now(), time.monotonic_ns()
         if simulated:
             self._timer = self._node.create_timer(self.period / SECOND, self._tick)
@@ -76,21 +89,30 @@ class Ticker:
         """Now [ns], on a clock to average arrivals on: one that is not set, or as stamps are."""
         return self.now() if self.is_simulated else time.monotonic_ns()
 
+    def ahead(self) -> int:
+        """Time until the next call is due [ns]; 0 or less where it is."""
+        now = self.now()
+        self._leave_a_lost_grid(now)
+        return self._due - now
+
     def wait(self, longest: int) -> None:
         """Sleep until the next call is due, at most some time [ns], and make it."""
-        self._leave_a_lost_grid(self.now())
-        ahead = self._due - self.now()
-        if ahead > longest:
-            time.sleep(longest / SECOND)
-        else:
-            if ahead > 0:
-                time.sleep(ahead / SECOND)
+        ahead = self.ahead()
+        if ahead > 0:
+            time.sleep(min(ahead, longest) / SECOND)
+        if ahead <= longest:
+            self._tick()
+
+    def call_if_due(self) -> None:
+        """Make the next call unless it is too early for it, or a timer makes it."""
+        if not self.is_simulated and self.ahead() <= 0:
             self._tick()
 
     def _leave_a_lost_grid(self, now: int) -> None:
         """Begin a new one where the clock was set: a call is due within a period, or was."""
         if now - self._due > _LOST or self._due - now > 2 * self.period:
-            self._due = now
+            self._origin = self._due = now
+            self._number = 0
 
     def destroy(self) -> None:
         """Stop for good."""
@@ -102,10 +124,20 @@ class Ticker:
         now = self.now()
         self._leave_a_lost_grid(now)
         # A timer comes a little early by its own reckoning, never by half a period.
-        missed = max(0, (now - self._due + self.period // 4) // self.period)
-        due = self._due + missed * self.period
-        self._due = due + self.period
+        number = max(self._number, self._last_before(now + self.period // 4))
+        missed = number - self._number
+        due = self._due if not missed else self._time_of(number)
+        self._number = number + 1
+        self._due = self._time_of(self._number)
         self._callback(due, 1 + missed)
+
+    def _time_of(self, number: int) -> int:
+        """When a call of the grid is due [ns]."""
+        return self._origin + round(number / self._calls)
+
+    def _last_before(self, now: int) -> int:
+        """The last call of the grid up to a time [ns]."""
+        return math.floor((now - self._origin) * self._calls)
 
 
 class Waits(Protocol):

@@ -7,8 +7,9 @@ import yaml
 
 import garment_sim_ros as gs
 from garment_sim_ros import presets
-from garment_sim_ros.cli import demo, stability
 from garment_sim_ros.cli import main as cli
+from garment_sim_ros.cli import stability
+from garment_sim_ros.cli.avatar_options import node_parameters
 from garment_sim_ros.garment.outfit_file import outfit_from
 from garment_sim_ros.nodes import NODES
 from garment_sim_ros.params import (
@@ -166,12 +167,12 @@ def parsed(command, *words):
 
 def test_demo_starts_nodes_with_the_preset_and_what_wins_over_it():
     args = parsed("demo", "--preset", "fast", "--set", "cloth_node.rate=30")
-    nodes = demo._parameters(args)
+    nodes = node_parameters(args)
     assert {node["preset"] for node in nodes.values()} == {"fast"}
     assert nodes["cloth_node"]["rate"] == 30.0
     assert "sub_step" not in nodes["cloth_node"]  # the node reads it itself
     with pytest.raises(gs.ParameterError, match=r"own; allowed: --body-bone-names"):
-        demo._parameters(parsed("demo", "--set", "cloth_node.body_bone_names=f.yaml"))
+        node_parameters(parsed("demo", "--set", "cloth_node.body_bone_names=f.yaml"))
 
 
 def test_stability_drives_the_solver_of_the_preset():

@@ -1,0 +1,54 @@
+"""Ctrl-C where something must not be cut short."""
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Ctrl-C and SIGTERM take effect at the end: nothing is left half done.
+
+    Raises:
+        KeyboardInterrupt: One came.
+    """
+    came: list[int] = []
+    signs = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(sign, lambda number, frame: came.append(number)) for sign in signs]
+    try:
+        yield
+    finally:
+        for sign, handler in zip(signs, before):
+            signal.signal(sign, handler)
+    if came:
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def interrupts_kept() -> Iterator[Callable[[], None]]:
+    """Ctrl-C and SIGTERM interrupt, and are not lost where that is swallowed.
+
+    It is where objects end, or where other languages call Python.
+
+    Yields:
+        To be called where nothing is under way; raises `KeyboardInterrupt` if one came.
+    """
+    came = False
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal came
+        came = True
+        raise KeyboardInterrupt
+
+    def check() -> None:
+        if came:
+            raise KeyboardInterrupt
+
+    signs = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(sign, interrupt) for sign in signs]
+    try:
+        yield check
+    finally:
+        for sign, handler in zip(signs, before):
+            signal.signal(sign, handler)

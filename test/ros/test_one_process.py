@@ -1,0 +1,324 @@
+"""Avatars whose nodes share one process: the same for everybody else."""
+
+import contextlib
+import dataclasses
+import json
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import psutil
+import pytest
+
+pytest.importorskip("rclpy")
+
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from ros_input.cloth import stamp_of
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+from garment_sim_ros.mocap.clips import load_clip
+from garment_sim_ros.mocap.sampling import ClipSampler
+from garment_sim_ros.mocap.source_urdf import urdf_from_clip
+from garment_sim_ros.ros.one_process import OneProcess
+from garment_sim_ros.ros.serialize import Joints
+from garment_sim_ros.ros.topics import (
+    COLLIDER_DESCRIPTION,
+    COLLIDER_POSES,
+    GARMENT_POINTS,
+    JOINT_STATES,
+    QUALITY,
+    ROBOT_DESCRIPTION,
+)
+
+pytestmark = pytest.mark.ros
+
+SECOND = 10**9
+LIMIT = 180.0
+OUTFIT = """
+version: 1
+garments:
+  - {name: skirt, generator: short_skirt, options: {vertices: 500}}
+"""
+
+
+@pytest.fixture(scope="module")
+def outfit(tmp_path_factory):
+    path = tmp_path_factory.mktemp("outfit") / "outfit.yaml"
+    path.write_text(OUTFIT)
+    return str(path)
+
+
+class Command:
+    """`garment-sim run` as a process."""
+
+    def __init__(self, *words):
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "garment_sim_ros.cli.main", "run", *words],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self._said = []
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self):
+        for line in self._process.stderr:
+            self._said.append(line)
+
+    @property
+    def said(self):
+        return "".join(self._said)
+
+    @property
+    def pid(self):
+        return self._process.pid
+
+    def send(self, number):
+        self._process.send_signal(number)
+
+    def wait(self):
+        """Exit code and what it printed."""
+        printed = self._process.stdout.read()
+        code = self._process.wait(LIMIT)
+        self._reader.join(LIMIT)
+        return code, printed
+
+    def end(self):
+        self._process.kill()
+        self._process.wait()
+
+
+@pytest.fixture
+def command():
+    started = []
+
+    def start(*words):
+        started.append(Command(*words))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.end()
+
+
+def follow(probe, until, namespace, frames):
+    """Send a walk, each pose when the cloth of the one before has come; what came."""
+    clip = load_clip("walk")
+    sampler, joints = ClipSampler(clip, "carry"), Joints(clip.rig.dofs.names, "world")
+    poses = probe.listen(COLLIDER_POSES, raw=True)
+    points = probe.listen(GARMENT_POINTS, "skirt", raw=True)
+    collider = SimpleNamespace(full_name=f"{namespace}/collider_node")
+    probe.publish(ROBOT_DESCRIPTION, String(data=urdf_from_clip(clip, "world")))
+    until(
+        lambda: (
+            probe.diagnostics(collider)
+            and "waits for joint_states" in probe.diagnostics(collider).message
+        ),
+        "a skeleton",
+    )
+    until(lambda: probe.node.count_publishers(f"{namespace}/{points}"), "garments")
+    for i in range(frames):
+        data = joints.fill(SECOND + i * SECOND // 30, sampler.sample(1.0 + i / 30.0))
+        probe.publish(JOINT_STATES, data)
+        until(lambda i=i: len(probe.received(points)) > i, f"frame {i}")
+    return probe.received(poses), probe.received(points)
+
+
+def test_a_subscriber_gets_the_same_bytes_as_from_the_nodes_apart(
+    start_node, make_probe, until, command, outfit
+):
+    words = ("--clip", "", "--outfit", outfit, "--set", "cloth_node.step_on=poses")
+    one = command(*words, "--namespace", "one_process")
+    apart = "/three_processes"
+    start_node("collider_node", apart, outfit=outfit)
+    start_node("cloth_node", apart, outfit=outfit, step_on="poses")
+    found = [follow(make_probe(name), until, name, frames=40) for name in ("/one_process", apart)]
+    for of_one, of_three in zip(*found):
+        assert len(of_one) == 40
+        assert [bytes(m) for m in of_one] == [bytes(m) for m in of_three]
+    moved = np.diff([np.frombuffer(bytes(m)[-4000:], np.float32) for m in found[0][1]], axis=0)
+    assert np.abs(moved).max() > 1e-3
+    one.send(signal.SIGTERM)
+    assert one.wait()[0] == 130
+
+
+def test_everything_of_the_nodes_is_there_for_others(command, make_probe, until, outfit):
+    namespace = "/all_of_one"
+    process = command("--outfit", outfit, "--namespace", namespace, "--json")
+    probe = make_probe(namespace)
+    topics = [JOINT_STATES, COLLIDER_POSES, QUALITY]
+    names = [probe.listen(topic, raw=True) for topic in topics]
+    names.append(probe.listen(GARMENT_POINTS, "skirt", raw=True))
+    until(lambda: all(len(probe.received(name)) > 20 for name in names), "all topics")
+
+    # A pose for each joint state, with its stamp; the cloth is not ahead of them.
+    joints, poses, _, points = ([stamp_of(m) for m in probe.received(n)] for n in names)
+    common = [s for s in joints if poses[0] <= s <= poses[-1]]
+    assert [s for s in poses if joints[0] <= s <= joints[-1]] == [
+        s for s in common if s <= poses[-1]
+    ]
+    until(lambda: stamp_of(probe.received(names[1])[-1]) >= points[-1], "a pose")
+
+    # Services and parameters.
+    assert probe.call(SetBool, "mocap_player/pause", SetBool.Request(data=True)).success
+    assert probe.call(Trigger, "cloth_node/reset", Trigger.Request()).success
+    for node in ("mocap_player", "collider_node", "cloth_node"):
+        status = SimpleNamespace(full_name=f"{namespace}/{node}")
+        until(lambda s=status: probe.diagnostics(s), f"diagnostics of {node}")
+
+    # Lifecycle: the cloth is told the colliders again, which were described before.
+    for number in (
+        Transition.TRANSITION_DEACTIVATE,
+        Transition.TRANSITION_CLEANUP,
+        Transition.TRANSITION_CONFIGURE,
+        Transition.TRANSITION_ACTIVATE,
+    ):
+        request = ChangeState.Request(transition=Transition(id=number))
+        assert probe.call(ChangeState, "cloth_node/change_state", request).success
+    probe.next(names[3], 5)
+    process.send(signal.SIGINT)
+    code, printed = process.wait()
+    assert code == 130
+    assert json.loads(printed)["avatars"][namespace]["frames"] > 0
+    assert "Traceback" not in process.said
+
+
+def mapped(pid):
+    """Files that a process has mapped."""
+    return Path(f"/proc/{pid}/maps").read_text()
+
+
+def segments(pid):
+    """The middleware's shared memory that a process has mapped."""
+    words = mapped(pid).split()
+    return {w for w in words if w.startswith("/dev/shm/fastrtps_") and "port" not in w}
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("when", ["importing", "making nodes", "dressed"])
+def test_an_end_leaves_nothing(command, make_probe, until, outfit, number, when):
+    namespace = f"/ends_{when.replace(' ', '_')}_{number.name.lower()}"
+    probe = make_probe(namespace)
+    ours = segments(os.getpid())
+    process = command("--outfit", outfit, "--namespace", namespace, "--avatars", "2")
+    if when == "importing":
+        until(lambda: "librcl.so" in mapped(process.pid), "the middleware")
+    elif when == "making nodes":
+        until(lambda: "preset" in process.said, "a node")
+    elif when == "dressed":
+        points = f"{namespace}/avatar_2/garments/skirt/points"
+        until(lambda: probe.node.count_publishers(points), "cloth")
+    shared = segments(process.pid) - ours
+    children = psutil.Process(process.pid).children(recursive=True)
+    process.send(number)
+    code, _ = process.wait()
+    assert code == 130, process.said
+    assert "Traceback" not in process.said
+    assert "error" not in process.said.lower()
+    assert not [file for file in shared if os.path.exists(file)]
+    assert not [child for child in children if child.is_running()]
+    until(
+        lambda: not [n for n in probe.node.get_node_names_and_namespaces() if "avatar_" in n[1]],
+        "nobody to be there any more",
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--avatars", "0"), "--avatars: found 0; allowed: 1 to 100"),
+        (("--seconds", "nan"), "--seconds: found nan; allowed: above 0, to 1e9"),
+        (("--namespace", "a b"), "--namespace: found '/a b'; allowed: names of letters"),
+        (("--body", "no.glb"), "--body no.glb: does not exist; allowed: a file"),
+        (("--outfit", "no_such"), "no_such"),
+        (("--set", "cloth_node.rate=0"), "--set cloth_node.rate: "),
+    ],
+)
+def test_bad_input_is_one_line(command, words, told):
+    process = command(*words)
+    code, printed = process.wait()
+    assert (code, printed) == (2, "")
+    last = process.said.splitlines()[-1]
+    assert last.startswith("error: ")
+    assert told in last
+    assert "Traceback" not in process.said
+
+
+def test_the_description_that_is_handed_over_is_published(outfit, make_probe, until):
+    with OneProcess() as process:
+        process.add("/told", {"collider_node": {}, "cloth_node": {"outfit": outfit}})
+        probe = make_probe("/told")
+        text = probe.listen(COLLIDER_DESCRIPTION)
+        until(lambda: probe.received(text), "the description")
+        with contextlib.suppress(ValueError):
+            assert json.loads(probe.received(text)[0].data)["version"] == 1
+
+
+def test_bodies_are_dressed_when_they_come_and_undressed_when_they_go(
+    command, make_probe, until, outfit
+):
+    """Others publish their joint states and their skeletons, where REP-155 has them."""
+    bodies = ["/humans/bodies/anna", "/humans/bodies/bob"]
+    process = command("--humans", "--outfit", outfit, "--json")
+    clip = load_clip("walk")
+    sampler, joints = ClipSampler(clip, "carry"), Joints(clip.rig.dofs.names, "world")
+    probe = make_probe("/humans_probe")
+    nodes = probe.node.get_node_names_and_namespaces
+
+    def publishers(body):
+        make = probe.node.create_publisher
+        topics = (ROBOT_DESCRIPTION, JOINT_STATES)
+        return [make(t.type, f"{body}/{t.name}", t.profile()) for t in topics]
+
+    walking = {body: publishers(body) for body in bodies}
+    for description, _ in walking.values():
+        description.publish(String(data=urdf_from_clip(clip, "world")))
+    points = [f"{body}/garments/skirt/points" for body in bodies]
+    for topic in points:
+        probe.listen(dataclasses.replace(GARMENT_POINTS, name=topic), raw=True)
+
+    def walk():
+        now = time.time_ns()
+        data = joints.fill(now, sampler.sample(now / SECOND % 5.0))
+        for _, states in walking.values():
+            states.publish(data)
+        time.sleep(0.02)
+
+    def walk_until(condition, what):
+        until(lambda: walk() or condition(), what)
+
+    walk_until(lambda: all(len(probe.received(t)) > 5 for t in points), "cloth of both")
+    for publisher in walking.pop(bodies[0]):
+        probe.node.destroy_publisher(publisher)
+    walk_until(lambda: not any(ns == bodies[0] for _, ns in nodes()), "the first to be gone")
+    came = len(probe.received(points[1]))
+    walk_until(lambda: len(probe.received(points[1])) > came + 10, "the other to go on")
+    process.send(signal.SIGINT)
+    code, printed = process.wait()
+    assert code == 130
+    assert list(json.loads(printed)["avatars"]) == [bodies[1]]
+    assert "Traceback" not in process.said
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "many_avatars.md"
+COMMANDS = re.findall(r"^garment-sim run ([^#\n]*)", PAGE.read_text(), re.MULTILINE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", COMMANDS)
+def test_commands_of_the_page_run(command, words):
+    process = command(*shlex.split(words))
+    code, printed = process.wait()
+    assert code == 0, process.said
+    assert "% of a core in" in printed or json.loads(printed)["processor_percent"] > 0.0
