@@ -32,7 +32,7 @@ _OPEN = 0.001
 """Skin may leave the shapes by this [m]."""
 _FAR = 0.01
 """Skin farther from all hulls than this is left outside [m]: hulls would stand off like wings."""
-_THICKER = 0.2
+_THICKER = 0.25
 """Skin farther from an arm's hull as it was made than this share of its radius goes into others:
 sleeves are narrow."""
 _GAINED = 0.3
