@@ -6,8 +6,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 
 from garment_sim_ros.body.humanoid import load_humanoid_overrides
@@ -23,7 +21,7 @@ from garment_sim_ros.ros.conversions import JointStates, poses_from, text_from
 from garment_sim_ros.ros.diagnostics_bytes import diagnostics
 from garment_sim_ros.ros.dresser import dress
 from garment_sim_ros.ros.garment_messages import garment_marker, topology
-from garment_sim_ros.ros.garment_quality import GarmentQuality
+from garment_sim_ros.ros.garment_quality import GarmentQuality, quality
 from garment_sim_ros.ros.joint_channels import MISSING, JointChannels
 from garment_sim_ros.ros.offline.inputs import Message
 from garment_sim_ros.ros.offline.setup import Setup
@@ -227,11 +225,8 @@ class Cloth:
         self._measured = stepper.time if is_due else self._measured
         self._watch.look(stepper.poses, shown, measure=is_due)
         # Without what a machine's clock says.
-        quality = DiagnosticArray(
-            status=[q.status({}, resets=stepper.resets) for q in self._qualities]
-        )
-        quality.header.stamp = Time(sec=stepper.time // SECOND, nanosec=stepper.time % SECOND)
-        yield QUALITY.name, diagnostics(quality)
+        of_all = [q.status({}, resets=stepper.resets) for q in self._qualities]
+        yield QUALITY.name, diagnostics(quality(of_all, stepper.time))
 
     def state(self) -> Iterator[bytes]:
         """All that the motion goes on from, garment by garment."""
