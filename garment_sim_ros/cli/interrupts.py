@@ -1,6 +1,7 @@
 """Ctrl-C where something must not be cut short."""
 
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -41,14 +42,20 @@ def interrupts_kept() -> Iterator[Callable[[], None]]:
         came = True
         raise KeyboardInterrupt
 
+    def tell_unless_interrupted(what: sys.UnraisableHookArgs) -> None:
+        if not issubclass(what.exc_type, KeyboardInterrupt):
+            tell(what)
+
     def check() -> None:
         if came:
             raise KeyboardInterrupt
 
     signs = (signal.SIGINT, signal.SIGTERM)
     before = [signal.signal(sign, interrupt) for sign in signs]
+    tell, sys.unraisablehook = sys.unraisablehook, tell_unless_interrupted
     try:
         yield check
     finally:
+        sys.unraisablehook = tell
         for sign, handler in zip(signs, before):
             signal.signal(sign, handler)

@@ -306,9 +306,9 @@ class Simulation(ByName):
         """Advances all garments between poses that are usable."""
         steps, everything = self._steps(dt), tuple(self._worn.values())
         h = (self.solver_step if dt is None else dt) / steps
-        if self._is_first:
+        if self._is_first and self._taken_out.is_nothing:
             set_in_motion(everything, poses_start, poses_end, steps * h)
-            self._is_first = False
+        self._is_first = False
         self._follow(poses_start)
         for n in range(steps):
             self._motion.interpolate(poses_start, poses_end, n / steps, (n + 1) / steps)

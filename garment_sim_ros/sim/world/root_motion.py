@@ -35,6 +35,7 @@ class TakenOut:
         turn: Unit quaternion about the pivot, shape [4].
         way: Translation after it [m], shape [3].
         outran: Whether the root was faster in the last step than cloth can feel.
+        is_nothing: Whether the cloth feels all of it, as long as the root is not too fast.
     """
 
     def __init__(self, linear_inertia: float, angular_inertia: float, root: int = 0) -> None:
@@ -45,6 +46,7 @@ class TakenOut:
         self.turn = np.array([0.0, 0.0, 0.0, 1.0])
         self.way = np.zeros(3)
         self.outran = False
+        self.is_nothing = linear_inertia == angular_inertia == 1.0
 
     def begin_step(self, start: ColliderPoses, end: ColliderPoses, dt: float) -> bool:
         """Finds the motion of a step, and takes the colliders' start along on it.
