@@ -42,7 +42,7 @@ def interrupts_kept() -> Iterator[Callable[[], None]]:
         came = True
         raise KeyboardInterrupt
 
-    def tell_unless_interrupted(what: sys.UnraisableHookArgs) -> None:
+    def tell_unless_interrupted(what: "sys.UnraisableHookArgs") -> None:
         if not issubclass(what.exc_type, KeyboardInterrupt):
             tell(what)
 

@@ -127,7 +127,7 @@ def follow(probe, until, namespace, frames):
         ),
         "a skeleton",
     )
-    until(lambda: probe.node.count_publishers(f"{namespace}/{points}"), "garments")
+    until(lambda: probe.is_matched(poses) and probe.is_matched(points), "garments")
     for i in range(frames):
         data = joints.fill(SECOND + i * SECOND // 30, sampler.sample(1.0 + i / 30.0))
         probe.publish(JOINT_STATES, data)
@@ -138,10 +138,14 @@ def follow(probe, until, namespace, frames):
 def test_a_subscriber_gets_the_same_bytes_as_from_the_nodes_apart(
     start_node, make_probe, until, command, outfit
 ):
-    words = ("--clip", "", "--outfit", outfit, "--set", "cloth_node.step_on=poses")
+    # The first pose, too, comes to all who ask for it.
+    words = ["--clip", "", "--outfit", outfit, "--set", "cloth_node.step_on=poses"]
+    words += ["--set", "collider_node.lossless=true"]
+    words += ["--set", "collider_node.wait_for_subscribers=1"]
     one = command(*words, "--namespace", "one_process")
     apart = "/three_processes"
-    start_node("collider_node", apart, outfit=outfit)
+    waits = {"lossless": True, "wait_for_subscribers": 2}
+    start_node("collider_node", apart, outfit=outfit, **waits)
     start_node("cloth_node", apart, outfit=outfit, step_on="poses")
     found = [follow(make_probe(name), until, name, frames=40) for name in ("/one_process", apart)]
     for of_one, of_three in zip(*found):

@@ -104,6 +104,7 @@ class Probe:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._received: dict[str, list[Any]] = defaultdict(list)
+        self._subscriptions: dict[str, Any] = {}
         self._publishers: dict[str, Any] = {}
         self._diagnostics: dict[str, Any] = {}
         from diagnostic_msgs.msg import DiagnosticArray
@@ -134,10 +135,14 @@ class Probe:
             depth=depth, reliability=profile.reliability, durability=profile.durability
         )
         name = topic.name.format(garment)
-        self.node.create_subscription(
+        self._subscriptions[name] = self.node.create_subscription(
             topic.type, name, self._received[name].append, profile, raw=raw
         )
         return name
+
+    def is_matched(self, name: str) -> bool:
+        """Whether a topic that is listened to has a publisher, and that one this reader."""
+        return bool(self._subscriptions[name].get_publisher_count())
 
     def received(self, name: str) -> list[Any]:
         return self._received[name]
