@@ -118,8 +118,13 @@ def test_cloth_that_is_kept_goes_along_with_every_jump(start_node, make_probe, u
     for by in (-20.0, 30.0):
         jump(scene, by, keeps=True)
     go_round(scene, 0.8)
-    assert scene.fresh()["resets"] == 0.0
-    scene.assert_worn()
+    before = scene.fresh()
+    after = scene.fresh()
+    assert after["resets"] == 0.0
+    # A limb may come through while the body jumps; none stays there.
+    through = [told["pierced"] * told["frames"] for told in (before, after)]
+    assert through[1] == pytest.approx(through[0], abs=0.5)
+    scene.assert_well()
     scene.end()
 
 
@@ -205,9 +210,13 @@ def test_the_player_follows_a_clock(playing, start_node, make_probe):
         follows()
     source.playing = False
     follows()
-    count = len(probe.received(joints))
-    playing.fresh()
-    assert len(probe.received(joints)) == count
+
+    def stands_still():
+        count = len(probe.received(joints))
+        playing.fresh()
+        return len(probe.received(joints)) == count
+
+    playing.until(stands_still, "what is on its way has come, and no more")
     source.step()
     probe.next(joints)
     source.playing, source.rate = True, 10.0
