@@ -16,6 +16,8 @@ from garment_sim_ros.ros.topics import CLOCK, JOINT_STATES, ROBOT_DESCRIPTION
 SECOND = 10**9
 BEGIN = 1000 * SECOND
 """Where the source's time begins [ns]."""
+_LONGEST = 0.4
+"""A stall of this process is no gap in the source's time: so much of it goes by at most [s]."""
 
 
 class ClockSource:
@@ -91,7 +93,8 @@ class ClockSource:
             now = time.monotonic()
             with self._lock:
                 if self.playing:
-                    self._play(self.stamp + round((now - before) * self.rate * SECOND))
+                    went_by = min((now - before) * self.rate, _LONGEST)
+                    self._play(self.stamp + round(went_by * SECOND))
             before = now
 
     def _play(self, until):
