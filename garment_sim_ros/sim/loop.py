@@ -13,6 +13,8 @@ What acts on cloth takes its turn here. A sub-step is:
 5. the constraints of each garment hold it (`Constraint.hold`): distance limits and backstops, and
    in the last sub-step the garment itself.
 
+After the last one garments that run through each other are untangled (`LayerPair`).
+
 What acts after whole steps only, edges take back in the first sub-step of the next one, with a
 velocity of its way over a sub-step: cloth would never rest. Where nothing acts on any garment
 between two searches but the solver, the sub-steps between them are one call.
@@ -72,6 +74,8 @@ def take_step(
                 pair.separate()
             for piece in pieces:
                 _hold(piece, step, end)
+    for pair in pairs:
+        pair.untangle(dt)
     for piece in pieces:
         if pairs or others:
             measure_motion(piece.state.v[: piece.model.free_count], piece.workspace.motion)

@@ -94,7 +94,7 @@ class Simulation(ByName):
         }
         self._under: dict[str, list[tuple[Worn, LayerPair]]] = {
             outer.garment.name: [
-                (inner, LayerPair(inner.model, outer.model, inner.state, outer.state))
+                (inner, LayerPair(inner, outer))
                 for inner in self._worn.values()
                 if inner.garment.layer < outer.garment.layer
             ]

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from naive import naive_layers
+from naive import naive_layers, naive_self_collision
 
 from garment_sim_ros.geometry.topology import mesh_topology, triangles_across
+from garment_sim_ros.sim.layers.crossings import Boxes, find_crossings
 from garment_sim_ros.sim.layers.kernels import find_close_one_way, separate_one_way
 from garment_sim_ros.sim.layers.nearest import find_triangles, take_from_neighbours
 from garment_sim_ros.sim.layers.pair import Meeting
+from garment_sim_ros.sim.self_collision.patches import Mesh
 
 SPACING = 0.02
 REACH = 2.0 * SPACING
@@ -172,3 +174,40 @@ def test_triangles_spread_by_one_ring(cloth):
     take_from_neighbours(edges, near)
     assert {int(i) for i in np.flatnonzero(near == 7)} == ring
     assert (near[[i not in ring for i in range(25)]] == -1).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_all_edges_through_the_other_garment_are_found(cloth, seed):
+    (over, under), triangles = sheets(cloth, seed, bump=0.02)
+    n = len(under[0])
+    _, others = cloth.grid(8, 9, SPACING)
+    both = np.concatenate([triangles, others + n]).astype(np.int32)
+    x = np.concatenate([under[0], over[0]])
+    mesh = Mesh.of(both, x)
+    split = int((mesh.triangles[mesh.first[:-1], 0] < n).sum())
+    room = np.zeros((1000, 7), np.int32)
+    count = find_crossings(x, mesh, split, Boxes.room_for(mesh), room)
+    found = {(*sorted(c[:2]), *sorted(c[4:])) for c in room[:count].tolist()}
+    assert len(found) == count > 20
+    expected = {
+        (*sorted(c[:2]), *sorted(c[2:]))
+        for c in naive_self_collision.crossings(x.astype(float), both).tolist()
+        if (c[0] < n) != (c[2] < n)
+    }
+    assert found == expected
+    # Corners beside the edge are those of the triangles that have it.
+    edges = {frozenset(t) for t in both.tolist()}
+    for a, b, c, d, *_ in room[:count].tolist():
+        assert {a, b, c} in edges
+        assert d < 0 or {a, b, d} in edges
+
+
+def test_what_is_not_finite_crosses_nothing(cloth):
+    (over, under), triangles = sheets(cloth, 0, bump=0.02)
+    _, others = cloth.grid(8, 9, SPACING)
+    both = np.concatenate([triangles, others + len(under[0])]).astype(np.int32)
+    x = np.concatenate([under[0], np.full_like(over[0], np.nan)])
+    mesh = Mesh.of(both, np.concatenate([under[0], over[0]]))
+    split = int((mesh.triangles[mesh.first[:-1], 0] < len(under[0])).sum())
+    boxes, room = Boxes.room_for(mesh), np.zeros((9, 7), np.int32)
+    assert find_crossings(x, mesh, split, boxes, room) == 0

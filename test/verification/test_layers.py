@@ -10,10 +10,15 @@ from scipy.spatial import cKDTree
 from garment_sim_ros.avatar import Avatar
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.colliders.capsules.capsules import fit_capsules
+from garment_sim_ros.contact.crossings import find_hits
 from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.sim.layers.pair import LayerPair
+from garment_sim_ros.sim.layers.untangled import Untangled
+from garment_sim_ros.sim.piece import Piece
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.state import Workspace
 
 FRAME = 1 / 60
 SPACING = 0.02
@@ -68,8 +73,12 @@ def test_what_lies_beyond_the_upper_sheet_may_turn_over_it(cloth):
     away = np.linalg.norm(under.rest[:, :2], axis=1)
     for particle, belongs_under in ((np.argmin(away), True), (np.argmax(away), False)):
         inner, outer = simulation.state("under").copy(), simulation.state("over").copy()
+        pieces = [
+            Piece(model=m, state=s, workspace=Workspace.room_for(m, 1))
+            for m, s in ((under, inner), (over, outer))
+        ]
         inner.x[particle] = [0.003, 0.001, 0.009]
-        pair = LayerPair(under, over, inner, outer)
+        pair = LayerPair(*pieces)
         pair.look()
         pair.find_close(1.0)
         pair.separate()
@@ -123,3 +132,55 @@ def test_a_shirt_stays_over_the_skirt_of_a_walking_body():
     # One may slip around the border and is put back within some frames; without layers a tenth is
     # on the wrong side.
     assert crossed < 0.01 * met
+
+
+def crossings_of(simulation):
+    """Edges of two garments that run through the other one."""
+    x = {name: simulation.positions(name).astype(float) for name in ("under", "over")}
+    count = 0
+    for one, other in (("under", "over"), ("over", "under")):
+        model = simulation.model(one)
+        ends = np.ascontiguousarray(x[one][mesh_topology(model.triangles).edges])
+        count += find_hits(
+            *(ends, x[other], simulation.model(other).triangles),
+            *(np.empty(1000, np.int32), np.empty(1000)),
+        )
+    return count
+
+
+@pytest.mark.parametrize("solver", ["xpbd", "relaxation", "implicit"])
+def test_sheets_whose_sides_nobody_knows_come_free(cloth, solver, monkeypatch):
+    """The upper one's outside looks down, as of folded cloth: the order tells nothing."""
+    still = ColliderPoses.identity(1)
+    found = {}
+    for frees in (False, True):
+        if not frees:
+            monkeypatch.setattr(Untangled, "part", lambda self, dt, parted: None)
+        x, triangles = cloth.grid(9, 9, SPACING)
+        tilt = np.array(
+            [[np.cos(0.3), 0.0, np.sin(0.3)], [0, 1, 0], [-np.sin(0.3), 0, np.cos(0.3)]]
+        )
+        over = x @ tilt + [0.05, 0.003, 0.004]
+        garments = [
+            dataclasses.replace(cloth.garment(v, t, name=name), layer=n)
+            for n, (name, v, t) in enumerate(
+                (("under", x, triangles), ("over", over, triangles[:, ::-1]))
+            )
+        ]
+        simulation = Simulation(
+            garments, cloth.colliders(), solver=solver, gravity=[0.0, 0.0, 0.0]
+        )
+        simulation.reset(still, settle=False)
+        before = crossings_of(simulation)
+        for _ in range(60):
+            simulation.advance(still, still, FRAME)
+        found[frees] = crossings_of(simulation)
+        middle = [simulation.positions(name).mean(axis=0) for name in ("under", "over")]
+        # Both are as heavy: they give way alike.
+        at_first = [x.mean(axis=0), over.mean(axis=0)]
+        moved = np.sum(middle, axis=0) - np.sum(at_first, axis=0)
+        np.testing.assert_allclose(moved, 0.0, atol=2e-3)
+        monkeypatch.undo()
+    assert before > 10
+    assert found[False] >= before // 2
+    assert found[True] == 0

@@ -20,9 +20,11 @@ from garment_sim_ros.arrays import IntArray, SingleArray
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology, triangles_across
 from garment_sim_ros.jit import compiled
-from garment_sim_ros.sim.layers.kernels import SEPARATING_SPEED, find_close, separate
+from garment_sim_ros.sim.layers.kernels import PATIENCE, SEPARATING_SPEED, find_close, separate
 from garment_sim_ros.sim.layers.nearest import find_triangles, take_from_neighbours
+from garment_sim_ros.sim.layers.untangled import Untangled
 from garment_sim_ros.sim.model import ClothModel
+from garment_sim_ros.sim.piece import Piece
 from garment_sim_ros.sim.state import State
 
 _REACH = 2.0
@@ -107,27 +109,24 @@ class LayerPair:
     """An inner garment and one that is worn over it.
 
     Args:
-        inner: The one under the other.
-        outer: The one over it.
-        inner_state: Its motion, which stays in the same arrays.
-        outer_state: The same of the outer one.
+        inner: The one under the other; its state and workspace stay in the same arrays.
+        outer: The one over it; likewise.
     """
 
-    def __init__(
-        self, inner: ClothModel, outer: ClothModel, inner_state: State, outer_state: State
-    ) -> None:
-        under = _is_under(inner, outer)
-        everything = np.ones(len(outer), np.bool_)
-        mine, other = (inner, inner_state), (outer, outer_state)
+    def __init__(self, inner: Piece, outer: Piece) -> None:
+        under = _is_under(inner.model, outer.model)
+        everything = np.ones(len(outer.model), np.bool_)
+        mine, other = (inner.model, inner.state), (outer.model, outer.state)
         self._both_ways = (
             _meeting(other, mine, 1.0, everything, under),
             _meeting(mine, other, -1.0, under, everything),
         )
         self._meetings = (self._both_ways[0][0], self._both_ways[1][0])
         self._code: tuple[Callable[..., None], Callable[..., None]] | None = None
-        self._still = np.zeros_like(inner.inverse_mass)
+        self._still = np.zeros_like(inner.model.inverse_mass)
         self._still.flags.writeable = False  # as masses are: for kernels it is another type
         self._steps = 0
+        self._untangled = Untangled(inner, outer)
 
     def forget(self) -> None:
         """Look for all triangles anew: the garments were put elsewhere."""
@@ -135,6 +134,7 @@ class LayerPair:
             meeting.near[:] = -1
             meeting.pushed[:] = 0.0
         self._steps = 0
+        self._untangled.forget()
 
     @property
     def tangled(self) -> tuple[int, int]:
@@ -181,12 +181,20 @@ class LayerPair:
         assert self._code is not None
         self._code[1](*self._meetings)
 
+    def untangle(self, dt: float) -> None:
+        """Frees what runs through the other garment, after a step of dt [s]."""
+        of_outer, of_inner = (
+            (m.pushed > 0.0) & (m.pushed < PATIENCE * m.reach) for m in self._meetings
+        )
+        self._untangled.part(dt, (of_inner, of_outer))
+
     def keep_inner_still(self, still: bool) -> None:
         """Whether only the outer garment gives way.
 
         The inner one must stay where it takes no steps of its own: nothing would then pull back
         what many pushes add up to.
         """
+        self._untangled.keep_first_still(still)
         of_outer, of_inner = (meeting for meeting, _ in self._both_ways)
         if still:
             of_outer = of_outer._replace(other_inverse_mass=self._still)

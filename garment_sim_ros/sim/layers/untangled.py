@@ -1,0 +1,100 @@
+"""Garments that run through each other come free, whichever lies over the other there.
+
+Parting by the order of layers needs particles that know their side. Where cloth is folded over or
+is thrown over a hem none does, and edges pass between particles that are all on their sides. There
+the contours along which the garments cut each other are made shorter (Volino & Magnenat-Thalmann
+2006), as a garment's own are, see `self_collision.untangling`.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garment_sim_ros.sim.layers.crossings import Boxes, find_crossings
+from garment_sim_ros.sim.piece import Piece
+from garment_sim_ros.sim.self_collision.patches import Mesh
+from garment_sim_ros.sim.self_collision.untangling import untangle
+
+_LOOK_EVERY = 3
+"""Steps between two looks for crossings where there were none."""
+_SPEED = 0.3
+"""How fast what is through comes free [m/s]."""
+_SOFTNESS = 0.3
+"""Gradients of a contour's length below this move by less than that; a border's is 1."""
+_ROOM = 4
+"""Crossings that there is room for: one for so many triangles."""
+
+_PARTICLES = (0, 1, 4, 5, 6)
+"""Of a crossing: the ends of the edge, the corners of the triangle."""
+
+
+class Untangled:
+    """Two garments in one set of arrays.
+
+    Args:
+        first: One of them; its state and workspace stay in the same arrays.
+        second: The other one; likewise.
+
+    Attributes:
+        crossings: Edges that ran through the other garment at the last look.
+    """
+
+    def __init__(self, first: Piece, second: Piece) -> None:
+        models = first.model, second.model
+        n, count = len(models[0]), len(models[0]) + len(models[1])
+        self._parts = (first, slice(0, n)), (second, slice(n, count))
+        triangles = [models[0].particle_triangles, models[1].particle_triangles + n]
+        rest = np.concatenate([model.rest for model in models]).astype(np.float32)
+        self._mesh = Mesh.of(np.concatenate(triangles).astype(np.int32), rest)
+        t = len(self._mesh.triangles)
+        self._split = int((self._mesh.triangles[self._mesh.first[:-1], 0] < n).sum())
+        self._boxes = Boxes.room_for(self._mesh)
+        self._found = np.zeros((max(t // _ROOM, 1), 7), np.int32)
+        self._x, self._v = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
+        self._w = np.zeros(count, np.float32)
+        self._first_is_still = False
+        self.forget()
+
+    def forget(self) -> None:
+        """Look anew in the next step: the garments were put elsewhere."""
+        self._steps = self.crossings = 0
+
+    def keep_first_still(self, still: bool) -> None:
+        """Whether only the second garment gives way."""
+        self._first_is_still = still
+
+    def part(self, dt: float, parted: Sequence[NDArray[np.bool_]]) -> None:
+        """Shortens the contours after a step; what touches a shape stays where it is.
+
+        Args:
+            dt: The step [s].
+            parted: Which particles of the first and of the second garment are led to their side
+                by the order of layers; a shorter contour may lead the other way.
+        """
+        looks = self.crossings > 0 or self._steps % _LOOK_EVERY == 0
+        self._steps += 1
+        if not looks:
+            return
+        for piece, part in self._parts:
+            self._x[part] = piece.state.x
+        many = find_crossings(self._x, self._mesh, self._split, self._boxes, self._found)
+        self.crossings = min(many, len(self._found))
+        found = self._found[: self.crossings]
+        left = found[~np.concatenate(parted)[found[:, _PARTICLES]].any(axis=1)]
+        found[: len(left)] = left
+        for piece, part in self._parts:
+            self._v[part] = piece.state.v
+            self._w[part] = piece.model.inverse_mass
+            touched = np.flatnonzero(piece.workspace.contacts.shape >= 0)
+            self._w[part.start + touched] = 0.0
+        if self._first_is_still:
+            self._w[self._parts[0][1]] = 0.0
+        # In any case, so that all is compiled before it is needed.
+        moved = untangle(
+            *(self._x, self._v, self._w, self._found, len(left)),
+            *(np.float32(_SPEED * dt), np.float32(_SOFTNESS)),
+        )
+        if moved:
+            for piece, part in self._parts:
+                piece.state.x[:], piece.state.v[:] = self._x[part], self._v[part]
