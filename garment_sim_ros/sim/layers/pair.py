@@ -183,9 +183,7 @@ class LayerPair:
 
     def untangle(self, dt: float) -> None:
         """Frees what runs through the other garment, after a step of dt [s]."""
-        of_outer, of_inner = (
-            (m.pushed > 0.0) & (m.pushed < PATIENCE * m.reach) for m in self._meetings
-        )
+        of_outer, of_inner = map(_led, self._meetings)
         self._untangled.part(dt, (of_inner, of_outer))
 
     def keep_inner_still(self, still: bool) -> None:
@@ -200,6 +198,16 @@ class LayerPair:
             of_outer = of_outer._replace(other_inverse_mass=self._still)
             of_inner = of_inner._replace(inverse_mass=self._still)
         self._meetings = of_outer, of_inner
+
+
+def _led(meeting: Meeting) -> SingleArray:
+    """Where the order of layers leads particles that are through the other garment, [n, 3]."""
+    led = np.zeros_like(meeting.x)
+    close = meeting.close[: meeting.found[0]]
+    pushed = meeting.pushed[close]
+    now = (pushed > 0.0) & (pushed < PATIENCE * meeting.reach)
+    led[close[now]] = meeting.plane[: len(close), :3][now]
+    return led
 
 
 def _meeting(

@@ -9,8 +9,8 @@ the contours along which the garments cut each other are made shorter (Volino & 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import SingleArray
 from garment_sim_ros.sim.layers.crossings import Boxes, find_crossings
 from garment_sim_ros.sim.piece import Piece
 from garment_sim_ros.sim.self_collision.patches import Mesh
@@ -24,9 +24,6 @@ _SOFTNESS = 0.3
 """Gradients of a contour's length below this move by less than that; a border's is 1."""
 _ROOM = 4
 """Crossings that there is room for: one for so many triangles."""
-
-_PARTICLES = (0, 1, 4, 5, 6)
-"""Of a crossing: the ends of the edge, the corners of the triangle."""
 
 
 class Untangled:
@@ -64,13 +61,14 @@ class Untangled:
         """Whether only the second garment gives way."""
         self._first_is_still = still
 
-    def part(self, dt: float, parted: Sequence[NDArray[np.bool_]]) -> None:
+    def part(self, dt: float, led: Sequence[SingleArray]) -> None:
         """Shortens the contours after a step; what touches a shape stays where it is.
 
         Args:
             dt: The step [s].
-            parted: Which particles of the first and of the second garment are led to their side
-                by the order of layers; a shorter contour may lead the other way.
+            led: Where particles of the first and of the second garment are led by the order of
+                layers, unit vectors, zero for those that are not, shapes [n, 3]: a shorter contour
+                may lead the other way.
         """
         looks = self.crossings > 0 or self._steps % _LOOK_EVERY == 0
         self._steps += 1
@@ -80,9 +78,6 @@ class Untangled:
             self._x[part] = piece.state.x
         many = find_crossings(self._x, self._mesh, self._split, self._boxes, self._found)
         self.crossings = min(many, len(self._found))
-        found = self._found[: self.crossings]
-        left = found[~np.concatenate(parted)[found[:, _PARTICLES]].any(axis=1)]
-        found[: len(left)] = left
         for piece, part in self._parts:
             self._v[part] = piece.state.v
             self._w[part] = piece.model.inverse_mass
@@ -92,9 +87,12 @@ class Untangled:
             self._w[self._parts[0][1]] = 0.0
         # In any case, so that all is compiled before it is needed.
         moved = untangle(
-            *(self._x, self._v, self._w, self._found, len(left)),
+            *(self._x, self._v, self._w, self._found, self.crossings),
             *(np.float32(_SPEED * dt), np.float32(_SOFTNESS)),
         )
-        if moved:
-            for piece, part in self._parts:
-                piece.state.x[:], piece.state.v[:] = self._x[part], self._v[part]
+        if not moved:
+            return
+        for (piece, part), way in zip(self._parts, led):
+            x, v = piece.state.x, piece.state.v
+            goes = np.einsum("nk,nk->n", self._x[part] - x, way) >= 0.0
+            x[goes], v[goes] = self._x[part][goes], self._v[part][goes]
