@@ -72,7 +72,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="simulate on the workers of this scheduler of dask.distributed, tcp://HOST:PORT; "
         "files have the same paths there",
     )
-    add("--resume", action="store_true", help="leave recordings that are there and whole")
+    add(
+        "--resume",
+        action="store_true",
+        help="leave recordings that are there and whole; one that is interrupted is kept, and "
+        "gone on with from its last whole second",
+    )
     add("--verify", metavar="BAG", help="simulate what simulate wrote again and compare")
 
 
@@ -260,6 +265,7 @@ def _simulated(task: _Task, *, show: bool = False) -> dict[str, Any]:
     recording = _offline()
     from garment_sim_ros.ros.offline.inputs import from_clip, opened_input
     from garment_sim_ros.ros.offline.setup import Setup, fingerprint
+    from garment_sim_ros.ros.offline.unfinished import to_go_on_with
 
     began = time.monotonic()
     with ExitStack() as stack:
@@ -283,14 +289,20 @@ def _simulated(task: _Task, *, show: bool = False) -> dict[str, Any]:
         told: dict[str, Any] = {"input": task.source, "out": str(task.out)}
         if task.resume and task.out.exists() and recording.told_setup(task.out) == setup.text:
             return {**told, "left": True}
-        with staged(task.out.parent, mark=task.mark) as stage:
-            result = recording.record(
-                source,
-                setup,
-                stage / task.out.name,
-                task.source,
-                _bar if show else partial(_while_there, stage),
-            )
+        unfinished = None
+        if task.resume:
+            unfinished = stack.enter_context(to_go_on_with(task.out))
+            stage = unfinished.folder
+        else:
+            stage = stack.enter_context(staged(task.out.parent, mark=task.mark))
+        result = recording.record(
+            source,
+            setup,
+            stage / task.out.name,
+            task.source,
+            _bar if show else partial(_while_there, stage),
+            unfinished,
+        )
     took = time.monotonic() - began
     return {
         **told,
@@ -319,5 +331,6 @@ def _line(result: dict[str, Any]) -> str:
     return (
         f"{result['out']}: {result['frames']} frames, {result['seconds']:.2f} s in "
         f"{result['took_s']:.1f} s, {result['times_real_time']:.1f} times real time"
+        + (f", from frame {result['gone_on_from']} on" if result["gone_on_from"] else "")
         + (f", {rejected} messages not used" if rejected else "")
     )

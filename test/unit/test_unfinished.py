@@ -1,0 +1,120 @@
+"""Recordings that are gone on with: what is kept, and what is no use."""
+
+import fcntl
+
+import numpy as np
+import pytest
+
+pytest.importorskip("sensor_msgs")
+
+from garment_sim_ros.cli.main import main
+from garment_sim_ros.frozen_state import freeze, thaw
+from garment_sim_ros.jit import compiled, kernel
+from garment_sim_ros.ros.offline import unfinished
+
+OUTFIT = """
+version: 1
+garments: [{name: skirt, generator: short_skirt, options: {vertices: 300}}]
+"""
+
+
+@kernel()
+def add_one(x):
+    """Something to compile."""
+    x += 1.0
+
+
+def test_arrays_that_share_memory_do_so_again():
+    x = np.arange(24.0).reshape(4, 6)
+    packed = np.zeros(3, dtype=[("a", "f4"), ("b", "i4", 2)])
+    thing = {"x": x, "part": x[1:, ::2], "field": packed["b"], "packed": packed, "no": x[2:2]}
+    found = thaw(freeze(thing))
+    assert all(np.array_equal(thing[k], found[k]) for k in thing)
+    found["part"][:] = 7.0
+    assert (found["x"][1:, ::2] == 7.0).all()
+    found["packed"]["b"][:] = 3
+    assert (found["field"] == 3).all()
+
+
+def test_compiled_code_is_called_again():
+    x = np.zeros(3)
+    code = compiled(add_one, x)
+    again = thaw(freeze([code, add_one]))
+    for call in again:
+        call(x)
+    assert (x == 2.0).all()
+
+
+@pytest.fixture
+def words(tmp_path, monkeypatch):
+    """Of a run that can be interrupted; states are kept in a folder of its own."""
+    monkeypatch.setattr(unfinished, "user_cache", lambda folder: tmp_path / "states" / folder)
+    (tmp_path / "outfit.yaml").write_text(OUTFIT)
+    clip = ["--clip", "walk", "--seconds", "3.5", "--rate", "20", "--resume"]
+    out = tmp_path / "out" / "walk"
+    return ["simulate", *clip, "--outfit", str(tmp_path / "outfit.yaml"), "--out", str(out)]
+
+
+@pytest.fixture
+def interrupted(words, tmp_path, monkeypatch):
+    """A run that was interrupted in its third second; its state."""
+    keep, count = unfinished.Unfinished.keep, [0]
+
+    def interrupt(self, making):
+        keep(self, making)
+        count[0] += 1
+        if count[0] == 2:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(unfinished.Unfinished, "keep", interrupt)
+        assert main(words) == 130
+    (state,) = (tmp_path / "states" / "unfinished").iterdir()
+    return state
+
+
+def gone_on_from(words, capsys):
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    return ", from frame " in said
+
+
+def test_it_goes_on(words, interrupted, capsys):
+    assert gone_on_from(words, capsys)
+    assert not interrupted.exists()
+
+
+@pytest.mark.parametrize("what", ["other input", "damaged", "other version", "no file", "short"])
+def test_what_is_no_use_is_left(words, interrupted, tmp_path, capsys, what):
+    """Then it begins anew, to the same bytes."""
+    (bag,) = tmp_path.glob("out/.unfinished-walk/simulation/*.mcap")
+    data = interrupted.read_bytes()
+    if what == "other input":
+        words = [*words, "--set", "cloth_node.gravity=[0, 0, -5]"]
+    elif what == "damaged":
+        interrupted.write_bytes(data[: len(data) // 2])
+    elif what == "other version":
+        interrupted.write_bytes(bytes([data[0] ^ 1]) + data[1:])
+    elif what == "no file":
+        bag.unlink()
+    else:
+        bag.write_bytes(bag.read_bytes()[:9])
+    assert not gone_on_from(words, capsys)
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["walk"]
+    assert main(["simulate", "--verify", str(tmp_path / "out" / "walk")]) == 0
+
+
+def test_one_at_a_time(words, interrupted, tmp_path, capsys):
+    with (tmp_path / "out" / ".unfinished-walk" / "lock").open() as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        assert main(words) == 2
+    assert "walk: is being made by another process" in capsys.readouterr().err
+    assert interrupted.exists()
+    assert gone_on_from(words, capsys)
+
+
+def test_an_input_that_leads_to_nothing_leaves_nothing(words, tmp_path, capsys):
+    bad = tmp_path / "bad.bvh"
+    bad.write_text("HIERARCHY\n")
+    assert main([*words[:2], str(bad), *words[3:]]) == 2
+    assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())
