@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import psutil
 import pytest
@@ -304,51 +303,13 @@ def test_what_is_interrupted_leaves_nothing(outfit, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGKILL])
-def test_what_is_interrupted_is_gone_on_with(outfit, tmp_path, sign):
-    """From its last whole second, to the same bytes."""
-    command = [sys.executable, "-m", "garment_sim_ros.cli.main", "simulate", "--resume"]
-    clip = ["--clip", "walk", "--seconds", "12", "--rate", "25", "--outfit", outfit, "--json"]
-    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
-    kept = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    (tmp_path / "cache").mkdir()
-    (tmp_path / "cache" / "garment_sim_ros").mkdir()
-    for folder in ("kernels", "colliders", "bodies", "garments"):
-        if (kept / "garment_sim_ros" / folder).exists():
-            (tmp_path / "cache" / "garment_sim_ros" / folder).symlink_to(
-                kept / "garment_sim_ros" / folder
-            )
-    out = tmp_path / "out" / "walk"
-    words = [*command, *clip, "--out", str(out)]
-    process = subprocess.Popen(words, stderr=subprocess.DEVNULL, env=environment)
-    states = tmp_path / "cache" / "garment_sim_ros" / "unfinished"
-    first = until(lambda: [p.stat().st_mtime_ns for p in states.glob("?" * 32)], process)
-    until(lambda: [p.stat().st_mtime_ns for p in states.glob("?" * 32)] > first, process)
-    process.send_signal(sign)
-    process.wait(60)
-    assert [p.name for p in out.parent.iterdir()] == [".unfinished-walk"]
-    told = json.loads(
-        subprocess.run(
-            words, check=True, stdout=subprocess.PIPE, env=environment
-        ).stdout.splitlines()[-1]
-    )["recordings"][0]
-    assert 25 < told["gone_on_from"] < 300
-    assert told["frames"] == 301
-    assert [p.name for p in out.parent.iterdir()] == ["walk"]
-    assert not list(states.iterdir())
-    whole = tmp_path / "whole"
-    assert main(["simulate", *clip[:-1], "--out", str(whole)]) == 0
-    assert files(out) == files(whole)
-
-
 def until(holds, process, longest=120.0):
     """Wait for a condition while a process runs."""
     end = time.monotonic() + longest
-    while not (value := holds()):
+    while not holds():
         assert process.poll() is None
         assert time.monotonic() < end
         time.sleep(0.02)
-    return value
 
 
 def test_several_inputs_and_a_killed_process(recorded, outfit, tmp_path):

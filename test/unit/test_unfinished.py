@@ -1,6 +1,13 @@
 """Recordings that are gone on with: what is kept, and what is no use."""
 
 import fcntl
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -118,3 +125,56 @@ def test_an_input_that_leads_to_nothing_leaves_nothing(words, tmp_path, capsys):
     bad.write_text("HIERARCHY\n")
     assert main([*words[:2], str(bad), *words[3:]]) == 2
     assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())
+
+
+@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGKILL])
+def test_a_process_that_was_interrupted_is_gone_on_with(tmp_path, sign):
+    """From its last whole second, to the same bytes."""
+    outfit = tmp_path / "outfit.yaml"
+    outfit.write_text(OUTFIT)
+    command = [sys.executable, "-m", "garment_sim_ros.cli.main", "simulate", "--resume"]
+    clip = ["--clip", "walk", "--seconds", "12", "--rate", "25", "--outfit", str(outfit), "--json"]
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    kept = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache" / "garment_sim_ros").mkdir()
+    for folder in ("kernels", "colliders", "bodies", "garments"):
+        if (kept / "garment_sim_ros" / folder).exists():
+            (tmp_path / "cache" / "garment_sim_ros" / folder).symlink_to(
+                kept / "garment_sim_ros" / folder
+            )
+    out = tmp_path / "out" / "walk"
+    words = [*command, *clip, "--out", str(out)]
+    process = subprocess.Popen(words, stderr=subprocess.DEVNULL, env=environment)
+    states = tmp_path / "cache" / "garment_sim_ros" / "unfinished"
+    first = until(lambda: [p.stat().st_mtime_ns for p in states.glob("?" * 32)], process)
+    until(lambda: [p.stat().st_mtime_ns for p in states.glob("?" * 32)] > first, process)
+    process.send_signal(sign)
+    process.wait(60)
+    assert [p.name for p in out.parent.iterdir()] == [".unfinished-walk"]
+    told = json.loads(
+        subprocess.run(
+            words, check=True, stdout=subprocess.PIPE, env=environment
+        ).stdout.splitlines()[-1]
+    )["recordings"][0]
+    assert 25 < told["gone_on_from"] < 300
+    assert told["frames"] == 301
+    assert [p.name for p in out.parent.iterdir()] == ["walk"]
+    assert not list(states.iterdir())
+    whole = tmp_path / "whole"
+    assert main(["simulate", *clip[:-1], "--out", str(whole)]) == 0
+    assert files(out) == files(whole)
+
+
+def until(found, process, longest=120.0):
+    """What a condition gives once it holds, while a process runs."""
+    end = time.monotonic() + longest
+    while not (value := found()):
+        assert process.poll() is None
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    return value
+
+
+def files(path):
+    return {p.name: p.read_bytes() for p in path.iterdir()}

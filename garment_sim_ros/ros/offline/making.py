@@ -64,6 +64,7 @@ class Making:
     def __init__(self, work: Work, setup: str, path: Path, namespace: str) -> None:
         self._work, self._namespace = work, namespace
         self._telling = Telling(work, setup)
+        self._types = get_typestore(Stores.ROS2_JAZZY)
         self._connections: dict[str, Connection] = {}
         self._begin: int | None = None
         self._last, self._final = 0, ""
@@ -126,7 +127,7 @@ class Making:
             self._connections[topic] = self._writer.add_connection(
                 f"{self._namespace}/{topic}",
                 of.kind,
-                typestore=get_typestore(Stores.ROS2_JAZZY),
+                typestore=self._types,
                 offered_qos_profiles=[offered(reliable=True, latched=of.latched, depth=of.depth)],
             )
         self._writer.write(self._connections[topic], time, data)
