@@ -101,8 +101,11 @@ class Input:
     def conflict(self) -> str:
         """Who is followed and who is not, where several send; empty where there is no conflict.
 
-        A followed publisher that is there no more is left.
+        A followed publisher that is there no more is left. Where messages are handed over, who
+        else publishes is not heard.
         """
+        if self._handover is not None:
+            return self._unheard()
         source = self.source
         if source is None or source.followed is None or self.subscription is None:
             return ""
@@ -129,6 +132,17 @@ class Input:
         return (
             f"{1 + len(others)} publishers of {self.topic.name}: {named(source.followed)} is "
             f"followed, {ignored} ignored"
+        )
+
+    def _unheard(self) -> str:
+        """Who publishes what is handed over; empty where that is one."""
+        topic = self._node.resolve_topic_name(self.topic.name)
+        count = self._node.count_publishers(topic)
+        if count < 2:
+            return ""
+        return (
+            f"{count} publishers of {self.topic.name}: that of this process is followed, "
+            "what others send is not heard"
         )
 
     def _use(self, message: Taken) -> None:

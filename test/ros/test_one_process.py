@@ -269,6 +269,31 @@ def test_the_description_that_is_handed_over_is_published(outfit, make_probe, un
             assert json.loads(probe.received(text)[0].data)["version"] == 1
 
 
+def test_who_is_not_heard_is_told(outfit, make_probe, until):
+    """Another publisher of what is handed over: on /diagnostics, as where nodes are apart."""
+    given = {
+        "mocap_player": {},
+        "collider_node": {"outfit": outfit},
+        "cloth_node": {"outfit": outfit},
+    }
+    probe = make_probe("/handed")
+    with OneProcess() as process:
+        process.add("/handed", given)
+        until(lambda: process.is_dressed, "a dressed avatar", limit=LIMIT)
+
+        def told(name):
+            status = probe.diagnostics(SimpleNamespace(full_name=f"/handed/{name}"))
+            return status and status.message
+
+        until(lambda: told("collider_node"), "diagnostics")
+        assert "publishers of" not in told("collider_node")
+        for name, topic in (("collider_node", JOINT_STATES), ("cloth_node", COLLIDER_POSES)):
+            probe.node.create_publisher(topic.type, topic.name, topic.profile())
+            words = f"2 publishers of {topic.name}: that of this process is followed"
+            until(lambda name=name, words=words: words in told(name), f"{name} to tell")
+        process.check()
+
+
 def test_bodies_are_dressed_when_they_come_and_undressed_when_they_go(
     command, make_probe, until, outfit
 ):
