@@ -194,6 +194,8 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         channels.check(joints)
         stamp = joints.stamp or self.get_clock().now().nanoseconds
         if self._source.followed in (None, message.publisher):
+            if self._joints.away:
+                self._stamps.excuse_gap(self._joints.away)
             self._stamps.accept(stamp)
         else:
             self._stamps.begin(stamp)

@@ -16,6 +16,7 @@ from garment_sim_ros.ros.handover import Handed, Handover
 from garment_sim_ros.ros.interfaces import subscribe
 from garment_sim_ros.ros.rclpy_internals import Taken, Taker, Waiter
 from garment_sim_ros.ros.sources import Source
+from garment_sim_ros.ros.stamp_order import AWAY
 from garment_sim_ros.ros.topics import Topic
 from garment_sim_ros.stamps import SECOND
 
@@ -40,6 +41,8 @@ class Input:
     Attributes:
         topic: As given.
         source: As given.
+        away: Time without a look at what has come, before the next usable message; 0 where it was
+            short [ns].
         used: When the last usable message came, on a clock that only runs forward [ns].
         count: Usable messages so far.
         subscription: None where messages are handed over.
@@ -59,8 +62,8 @@ class Input:
     ) -> None:
         self.topic = topic
         self.source = source
-        self.used = time.monotonic_ns()
-        self.count = 0
+        self.used = self._looked = time.monotonic_ns()
+        self.away = self.count = 0
         self._node = node
         self._take = take
         self._rejected = rejected
@@ -77,6 +80,10 @@ class Input:
 
     def take_all(self) -> None:
         """Use the messages that have come, up to a number."""
+        now = time.monotonic_ns()
+        if now - self._looked > AWAY:
+            self.away = now - self._looked
+        self._looked = now
         for _ in range(self._most):
             message = self._taker.take()
             if message is None:
@@ -163,6 +170,7 @@ class Input:
             return
         self.used = time.monotonic_ns()
         self.count += 1
+        self.away = 0
         if self.source is not None:
             self.source.accept(message.publisher, self.used)
 

@@ -198,6 +198,32 @@ def test_everything_of_the_nodes_is_there_for_others(command, make_probe, until,
     assert "Traceback" not in process.said
 
 
+def test_a_process_that_stood_still_keeps_its_garments(command, make_probe, until, outfit):
+    """Nothing was sent meanwhile: it is no new time, in which they would be put on again."""
+    namespace = "/stood_still"
+    process = command("--outfit", outfit, "--namespace", namespace)
+    probe = make_probe(namespace)
+    points = probe.listen(GARMENT_POINTS, "skirt", raw=True)
+    until(lambda: len(probe.received(points)) > 20, "cloth")
+    cloth = SimpleNamespace(full_name=f"{namespace}/cloth_node")
+
+    def counted():
+        before = probe.diagnostics(cloth)
+        until(lambda: probe.diagnostics(cloth) is not before, "diagnostics")
+        return {k: probe.value(cloth, k) for k in ("resets", "time_jumps", "skipped_s")}
+
+    before = counted()
+    for _ in range(2):
+        process.send(signal.SIGSTOP)
+        stood = time.monotonic()
+        until(lambda since=stood: time.monotonic() > since + 1.6, "some time to pass")
+        process.send(signal.SIGCONT)
+        probe.next(points, 30)
+    after = counted()
+    assert after["skipped_s"] > before["skipped_s"]
+    assert (after["resets"], after["time_jumps"]) == (before["resets"], before["time_jumps"])
+
+
 def mapped(pid):
     """Files that a process has mapped."""
     return Path(f"/proc/{pid}/maps").read_text()
