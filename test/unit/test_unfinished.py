@@ -18,6 +18,10 @@ from garment_sim_ros.cli.main import main
 from garment_sim_ros.frozen_state import freeze, thaw
 from garment_sim_ros.jit import compiled, kernel
 from garment_sim_ros.ros.offline import unfinished
+from garment_sim_ros.ros.offline.inputs import from_clip
+from garment_sim_ros.ros.offline.setup import Setup
+from garment_sim_ros.ros.offline.work import Work
+from garment_sim_ros.sim.solvers import SOLVERS
 
 OUTFIT = """
 version: 1
@@ -50,6 +54,27 @@ def test_compiled_code_is_called_again():
     for call in again:
         call(x)
     assert (x == 2.0).all()
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_every_solver_goes_on_as_it_would(solver, tmp_path):
+    outfit = tmp_path / "outfit.yaml"
+    outfit.write_text(OUTFIT.replace("options", "self_collision: true, options"))
+    setup = Setup.of(
+        {
+            "mocap_player": {"clip": "walk", "rate": 25.0},
+            "collider_node": {"body": "mannequin"},
+            "cloth_node": {"body": "mannequin", "outfit": str(outfit), "solver": solver},
+        }
+    )
+    messages = list(from_clip(setup.player, 0.8).messages)
+    work = Work(setup)
+    for message in messages[:12]:
+        list(work.take(message))
+    later = thaw(freeze(work))
+    expected = [sent for message in messages[12:] for sent in work.take(message)]
+    assert [sent for message in messages[12:] for sent in later.take(message)] == expected
+    assert sum(topic.endswith("points") for topic, _ in expected) == len(messages) - 12
 
 
 @pytest.fixture
