@@ -1,6 +1,6 @@
 # Needs Python 3.10 to 3.13 and make; everything else goes into .venv.
 .DEFAULT_GOAL := help
-.PHONY: help front worn soak test test-slow test-machines test-colcon fuzz bench demo docs mannequin lint clean
+.PHONY: help front worn soak test test-slow test-machines test-colcon fuzz fuzz-messages bench demo docs mannequin lint clean
 SHELL := /bin/bash
 
 # The first Python that is young enough and old enough.
@@ -44,6 +44,9 @@ test-colcon: $(STAMP) ## `colcon build` and `ros2 run` paths, in a temporary env
 
 fuzz: $(STAMP) ## Thousands of damaged files of every format; those that a reader falls over in out/fuzz
 	cd test && PYTHONPATH=.:.. ../$(PY) -m hostile.run --mutants 5000 --keep ../out/fuzz $(ARGS) >/dev/null
+
+fuzz-messages: $(STAMP) ## A million damaged messages to the nodes' handlers: how many, and what failed (ARGS=--count N)
+	cd test && PYTHONPATH=.:.. ../$(PY) -W ignore -m hostile.messages --count 1000000 $(ARGS) >/dev/null
 
 soak: $(STAMP) ## Nodes killed, disk full, flood, clock set, hours of clips: a table (minutes; ARGS=--full: hours)
 	cd test && PYTHONPATH=.:.. ../$(PY) -m soak.run $(ARGS)

@@ -31,6 +31,7 @@ TEST = ["hypothesis>=6.98", "networkx>=2.8", "psutil>=5.9", "pytest>=8", "pytest
 CHECK = ["import-linter~=2.12", "mypy~=2.4.0", "ruff~=0.17.0"]  # their rules change with versions
 DOCS = ["pdoc~=16.0"]
 VIEW = ["viser~=1.1.1"]  # no rosdep key: optional, found at run time
+MACHINES = ["distributed>=2024.8"]  # no rosdep key: optional, found at run time
 USD = ["usd-core>=24.8"]  # no rosdep key: optional, found at run time
 
 setup(
@@ -56,9 +57,10 @@ setup(
         "ros": ROS,
         "test": TEST,
         "docs": DOCS,
+        "machines": MACHINES,
         "usd": USD,
         "view": VIEW,
-        "dev": TEST + CHECK + DOCS + VIEW,
+        "dev": TEST + CHECK + DOCS + VIEW + MACHINES,
     },
     entry_points={
         "console_scripts": [

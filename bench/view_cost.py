@@ -28,6 +28,8 @@ from websockets.sync.client import connect
 from garment_sim_ros.cli.node_processes import NodeProcesses, own_network
 
 COMMAND = [sys.executable, "-m", "garment_sim_ros.cli.main", "view", "--port", "0", "--json"]
+LONGEST = 300.0
+"""For what is waited for: kernels are compiled before the first frame [s]."""
 CAMERA = {
     "type": "ViewerCameraMessage",
     **{"wxyz": [1.0, 0.0, 0.0, 0.0], "position": [0.0, -2.0, 1.0]},
@@ -58,6 +60,12 @@ class Viewer:
                 if len(data) > 30_000:
                     self.windows += 1
                     self.first = self.first or time.monotonic() - self.began
+
+    def has_shown(self):
+        """Whether there was a picture; the command may not end before."""
+        if self.process.poll() is not None:
+            raise SystemExit("error: view: it ended before its first picture")
+        return self.first > 0.0
 
     def close(self):
         """End it."""
@@ -93,9 +101,11 @@ def late(folder, seconds, rounds):
                 rclpy.spin_once(node, timeout_sec=0.0)
                 return int(told.get("frames", 0)), int(told.get("late_frames", 0))
 
-            while not counts()[0]:
+            def is_dressed():
                 nodes.check()
-                time.sleep(0.1)
+                return counts()[0]
+
+            wait_until(is_dressed, "the first frame of cloth")
             wait(2.0, counts)
             found = {False: [], True: []}
             for _ in range(rounds):
@@ -120,12 +130,12 @@ def late(folder, seconds, rounds):
 
 def recorded(bag, seconds, rounds):
     """First picture, and processor time of one, of a recording that plays."""
-    firsts, costs = [], []
+    firsts, worked, costs = [], [], []
     for _ in range(rounds):
         viewer = Viewer(str(bag))
-        while not viewer.first:
-            time.sleep(0.01)
+        wait_until(viewer.has_shown, "the first picture")
         firsts.append(viewer.first)
+        worked.append(sum(psutil.Process(viewer.process.pid).cpu_times()[:2]))
         time.sleep(seconds)  # the body is made ready in this time
         process = psutil.Process(viewer.process.pid)
         before, windows = sum(process.cpu_times()[:2]), viewer.windows
@@ -133,13 +143,24 @@ def recorded(bag, seconds, rounds):
         spent, windows = sum(process.cpu_times()[:2]) - before, viewer.windows - windows
         costs.append(1e3 * spent / max(windows, 1))
         print(
-            f"first after {firsts[-1]:.2f} s; {windows / seconds:.1f} Hz, {costs[-1]:.1f} ms each"
+            f"first after {firsts[-1]:.2f} s, {worked[-1]:.2f} of them at work; "
+            f"{windows / seconds:.1f} Hz, {costs[-1]:.1f} ms each"
         )
         viewer.close()
     print(
         f"recorded, medians: first picture sent after {statistics.median(firsts):.2f} s, "
+        f"{statistics.median(worked):.2f} of them at work, "
         f"{statistics.median(costs):.1f} ms of a processor for each"
     )
+
+
+def wait_until(condition, what):
+    """Wait for something, not for ever."""
+    end = time.monotonic() + LONGEST
+    while not condition():
+        if time.monotonic() > end:
+            raise SystemExit(f"error: {what}: did not come in {LONGEST:g} s")
+        time.sleep(0.01)
 
 
 def wait(seconds, counts):

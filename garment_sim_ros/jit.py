@@ -109,6 +109,9 @@ _found: dict[tuple[Dispatcher, tuple[Any, ...]], None] = {}
 """What `kernels_of` has found."""
 
 
+_origins: dict[Callable[..., Any], tuple[Dispatcher, tuple[Any, ...]]] = {}
+"""Of machine code that `compiled` has handed out."""
+
 _ONLY_KERNELS = "{} is an inner kernel: only kernels call it"
 
 
@@ -216,6 +219,18 @@ def compiled(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any
     if _dispatcher._compile_for_args is not _compile:  # Calls are only noted.
         _found[function, types] = None
         return function
+    return machine_code(function, types)
+
+
+def machine_code(function: Dispatcher, types: tuple[Any, ...]) -> Callable[..., Any]:
+    """The same for types of arguments as the compiler has them."""
     function.compile(types)
     machine: Any = function.overloads[types]
-    return machine.entry_point
+    code: Callable[..., Any] = machine.entry_point
+    _origins[code] = function, types
+    return code
+
+
+def origin_of(code: Callable[..., Any]) -> tuple[Dispatcher, tuple[Any, ...]] | None:
+    """The kernel, and types, of what `compiled` returned; None for what else there is."""
+    return _origins.get(code)

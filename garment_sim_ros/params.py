@@ -264,6 +264,10 @@ class ColliderNodeParameters(ColliderOptions, _Avatar):
         maximum=1e6,
     )
     frame_id: str = parameter("world", "Frame of everything published, z up.")
+    root_frame: str = parameter(
+        "hips",
+        "Name of the hips' frame on /tf, behind the namespace; empty: none. Needs tf2_msgs.",
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

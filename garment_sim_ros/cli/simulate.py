@@ -2,25 +2,23 @@
 
 import argparse
 import dataclasses
-import os
-import shutil
-import signal
 import time
+import uuid
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack
-from multiprocessing import active_children, get_context
+from contextlib import ExitStack, closing
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from garment_sim_ros.cli.machines import over_machines
 from garment_sim_ros.cli.preset_options import (
     add_preset_options,
     choice_of,
     refuse_doubly_said,
 )
+from garment_sim_ros.cli.processes import over_processes
 from garment_sim_ros.cli.progress import progress
-from garment_sim_ros.cli.staging import staged
+from garment_sim_ros.cli.staging import remove_staged, staged
 from garment_sim_ros.errors import GarmentSimError, InputFileError, ParameterError
 from garment_sim_ros.presets import preset_values
 
@@ -29,12 +27,10 @@ if TYPE_CHECKING:
 
 EXAMPLE = "garment-sim simulate --clip dance.bvh --body avatar.glb --out dance"
 
-UNUSABLE = 2
 _MOST_JOBS = 256
-_PATIENCE = 5.0
-"""For a process to clean up [s]."""
-_PARTIAL = ".partial-*"
-_is_at_work = False
+_BUILT_IN = ("", "walk", "mannequin")
+_LOOK = 50
+"""Messages between two looks at whether a recording is still wanted."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,14 +65,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--normals", action="store_true", help="points with vertex normals")
     add("--out", metavar="BAG", type=Path, help="the recording; of several inputs their folder")
     add("--jobs", metavar="N", type=int, default=1, help="processes for several inputs")
-    add("--resume", action="store_true", help="leave recordings that are there and whole")
+    add(
+        "--scheduler",
+        metavar="ADDRESS",
+        default="",
+        help="simulate on the workers of this scheduler of dask.distributed, tcp://HOST:PORT; "
+        "files have the same paths there",
+    )
+    add(
+        "--resume",
+        action="store_true",
+        help="leave recordings that are there and whole; one that is interrupted is kept, and "
+        "gone on with from its last whole second",
+    )
     add("--verify", metavar="BAG", help="simulate what simulate wrote again and compare")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _Task:
-    """One input, and where its recording goes."""
+    """One input, and where its recording goes.
 
+    Attributes:
+        mark: Of what is in the making, the same for all inputs of one run.
+    """
+
+    mark: str
     option: str
     source: str
     out: Path
@@ -92,12 +105,14 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Simulate, or compare."""
     if args.verify is not None:
         return _verify(args)
+    if args.scheduler:
+        _name_from_anywhere(args)
     tasks = _tasks(args)
     if not 1 <= args.jobs <= _MOST_JOBS:
         raise ParameterError("--jobs", f"found {args.jobs}", f"allowed: 1 to {_MOST_JOBS}")
     began = time.monotonic()
-    alone = len(tasks) == 1
-    results = [_simulate(tasks[0], show=True)] if alone else _spread(tasks, args.jobs, args.out)
+    here = len(tasks) == 1 and not args.scheduler
+    results = [_simulated(tasks[0], show=True)] if here else _spread(tasks, args)
     for result in results:
         print(_line(result))
     took = time.monotonic() - began
@@ -145,12 +160,13 @@ def _tasks(args: argparse.Namespace) -> list[_Task]:
     for name in names:
         if names.count(name) > 1:
             raise ParameterError(inputs[0][0], f"two inputs named {name!r}", "allowed: one each")
-    nodes = _nodes(args)
+    nodes, mark = _nodes(args), uuid.uuid4().hex
     tasks = []
     for (option, source), name in zip(inputs, names):
         clip = {"clip": source, "rate": args.rate} if option == "--clip" else {}
         tasks.append(
             _Task(
+                mark=mark,
                 option=option,
                 source=source,
                 out=args.out if len(inputs) == 1 else args.out / name,
@@ -164,6 +180,20 @@ def _tasks(args: argparse.Namespace) -> list[_Task]:
         )
         _check_out(tasks[-1].out)
     return tasks
+
+
+def _name_from_anywhere(args: argparse.Namespace) -> None:
+    """Give files their whole path: workers stand in other folders."""
+
+    def whole(name: str) -> str:
+        return (
+            str(Path(name).absolute()) if name not in _BUILT_IN and Path(name).exists() else name
+        )
+
+    for option in ("body", "body_bone_names", "bone_names", "outfit"):
+        setattr(args, option, whole(getattr(args, option)))
+    args.clip, args.bag = [whole(n) for n in args.clip], [whole(n) for n in args.bag]
+    args.out = args.out and args.out.absolute()
 
 
 def _nodes(args: argparse.Namespace) -> dict[str, dict[str, Any]]:
@@ -202,84 +232,40 @@ def _check_out(out: Path) -> None:
         )
 
 
-def _spread(tasks: list[_Task], jobs: int, folder: Path) -> list[dict[str, Any]]:
-    """Simulate in processes; what is whole stays, whatever becomes of the others.
+def _spread(tasks: list[_Task], args: argparse.Namespace) -> list[dict[str, Any]]:
+    """Simulate elsewhere; what is whole stays, whatever becomes of the others.
 
     Raises:
         GarmentSimError: Of the first input that cannot be used, once the others are done.
     """
-    before = set(folder.glob(_PARTIAL))
     results: dict[int, dict[str, Any]] = {}
     failed: dict[int, GarmentSimError] = {}
-    # Not forked: a process with compiled code and threads cannot be copied safely.
-    pool = ProcessPoolExecutor(
-        min(jobs, len(tasks)), mp_context=get_context("spawn"), initializer=_begin_process
+    done = (
+        over_machines(_simulated, tasks, args.scheduler)
+        if args.scheduler
+        else over_processes(_simulated, tasks, args.jobs)
     )
     try:
-        waiting = {pool.submit(_simulate, task): k for k, task in enumerate(tasks)}
-        for future in progress(as_completed(waiting), "recordings", len(waiting)):
-            try:
-                results[waiting[future]] = future.result()
-            except BrokenProcessPool:
-                raise
-            except GarmentSimError as error:
-                failed[waiting[future]] = error
-        pool.shutdown()
-    except BaseException as error:
-        pool.shutdown(wait=False, cancel_futures=True)
-        _end_all()
-        # Of a process that was killed: it could not clean up itself.
-        for partial in set(folder.glob(_PARTIAL)) - before:
-            shutil.rmtree(partial, ignore_errors=True)
-        if isinstance(error, BrokenProcessPool):
-            raise GarmentSimError(
-                "--jobs: a process was ended from outside; what is whole stays, --resume does the "
-                "others"
-            ) from None
-        raise
+        with closing(done):
+            for k, result in progress(done, "recordings", len(tasks)):
+                if isinstance(result, GarmentSimError):
+                    failed[k] = result
+                else:
+                    results[k] = result
+    finally:
+        # Who is still at work elsewhere sees that nobody waits any more.
+        remove_staged(tasks[0].out.parent, tasks[0].mark)
     if failed:
         raise failed[min(failed)]
     return [results[k] for k in range(len(tasks))]
 
 
-def _end_all() -> None:
-    """End the processes politely, so that they clean up; those that do not listen, at once."""
-    processes = active_children()
-    for process in processes:
-        process.terminate()
-    for process in processes:
-        process.join(_PATIENCE)
-        if process.is_alive():
-            process.kill()
-            process.join()
-
-
-def _begin_process() -> None:
-    """Only the process that was started by the user takes Ctrl-C, and then ends the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _end)
-
-
-def _end(number: int, frame: object) -> None:
-    if not _is_at_work:
-        os._exit(UNUSABLE)
-    raise KeyboardInterrupt
-
-
-def _simulate(task: _Task, *, show: bool = False) -> dict[str, Any]:
-    """Simulate one input; runs in a process of its own where there are several."""
-    global _is_at_work
-    _is_at_work = True
-    try:
-        return _simulated(task, show=show)
-    finally:
-        _is_at_work = False
-
-
-def _simulated(task: _Task, *, show: bool) -> dict[str, Any]:
+def _simulated(task: _Task, *, show: bool = False) -> dict[str, Any]:
+    """Simulate one input; elsewhere where there are several."""
     recording = _offline()
     from garment_sim_ros.ros.offline.inputs import from_clip, opened_input
     from garment_sim_ros.ros.offline.setup import Setup, fingerprint
+    from garment_sim_ros.ros.offline.unfinished import to_go_on_with
 
     began = time.monotonic()
     with ExitStack() as stack:
@@ -303,10 +289,20 @@ def _simulated(task: _Task, *, show: bool) -> dict[str, Any]:
         told: dict[str, Any] = {"input": task.source, "out": str(task.out)}
         if task.resume and task.out.exists() and recording.told_setup(task.out) == setup.text:
             return {**told, "left": True}
-        with staged(task.out.parent) as stage:
-            result = recording.record(
-                source, setup, stage / task.out.name, task.source, _bar if show else _plain
-            )
+        unfinished = None
+        if task.resume:
+            unfinished = stack.enter_context(to_go_on_with(task.out))
+            stage = unfinished.folder
+        else:
+            stage = stack.enter_context(staged(task.out.parent, mark=task.mark))
+        result = recording.record(
+            source,
+            setup,
+            stage / task.out.name,
+            task.source,
+            _bar if show else partial(_while_there, stage),
+            unfinished,
+        )
     took = time.monotonic() - began
     return {
         **told,
@@ -316,8 +312,16 @@ def _simulated(task: _Task, *, show: bool) -> dict[str, Any]:
     }
 
 
-def _plain(messages: "Iterator[Message]", count: int) -> "Iterator[Message]":
-    return messages
+def _while_there(stage: Path, messages: "Iterator[Message]", count: int) -> "Iterator[Message]":
+    """Pass messages on as long as their place is there: who no longer waits takes it away.
+
+    Raises:
+        GarmentSimError: It has been taken away.
+    """
+    for number, message in enumerate(messages):
+        if number % _LOOK == 0 and not stage.exists():
+            raise GarmentSimError(f"--out {stage}: was taken away meanwhile")
+        yield message
 
 
 def _line(result: dict[str, Any]) -> str:
@@ -327,5 +331,6 @@ def _line(result: dict[str, Any]) -> str:
     return (
         f"{result['out']}: {result['frames']} frames, {result['seconds']:.2f} s in "
         f"{result['took_s']:.1f} s, {result['times_real_time']:.1f} times real time"
+        + (f", from frame {result['gone_on_from']} on" if result["gone_on_from"] else "")
         + (f", {rejected} messages not used" if rejected else "")
     )

@@ -10,7 +10,7 @@ from garment_sim_ros.errors import InputFileError
 
 
 @contextmanager
-def staged(folder: str | Path, option: str = "--out") -> Iterator[Path]:
+def staged(folder: str | Path, option: str = "--out", mark: str = "") -> Iterator[Path]:
     """A temporary folder whose contents move into `folder` at the end.
 
     When the block fails or is interrupted nothing is left behind and what was in `folder` stays;
@@ -19,6 +19,7 @@ def staged(folder: str | Path, option: str = "--out") -> Iterator[Path]:
     Args:
         folder: Made where it is missing.
         option: Name of the option for error messages.
+        mark: By which `remove_staged` finds it.
 
     Raises:
         InputFileError: The folder cannot be made or written to.
@@ -27,7 +28,7 @@ def staged(folder: str | Path, option: str = "--out") -> Iterator[Path]:
     made = [p for p in (folder, *folder.parents) if not p.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=".partial-", dir=folder))
+        stage = Path(tempfile.mkdtemp(prefix=f".partial-{mark}", dir=folder))
     except OSError as error:
         raise InputFileError(
             f"{option} {folder}", error.strerror or str(error), "allowed: a folder to write into"
@@ -43,6 +44,12 @@ def staged(folder: str | Path, option: str = "--out") -> Iterator[Path]:
                 path.rmdir()
         raise
     shutil.rmtree(stage)
+
+
+def remove_staged(folder: Path, mark: str) -> None:
+    """Remove what processes with a mark have left in a folder, as they were killed."""
+    for stage in folder.glob(f".partial-{mark}*"):
+        shutil.rmtree(stage, ignore_errors=True)
 
 
 def _replace(item: Path, target: Path) -> None:

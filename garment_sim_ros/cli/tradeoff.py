@@ -4,19 +4,18 @@ import argparse
 import contextlib
 import json
 import math
-import multiprocessing
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
 from garment_sim_ros.cli.calibrate import run_calibration
+from garment_sim_ros.cli.processes import over_processes
 from garment_sim_ros.cli.progress import progress
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.collider_params import HULLS, METHODS
-from garment_sim_ros.errors import InputFileError, ParameterError
+from garment_sim_ros.errors import GarmentSimError, InputFileError, ParameterError
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.tradeoff.plots import draw
 from garment_sim_ros.tradeoff.points import Point, grid
@@ -179,12 +178,17 @@ def _done(tasks: dict[str, Task], jobs: int, text: str) -> Iterator[tuple[str, R
         for key, (call, asked) in progress(tasks.items(), text, len(tasks)):
             yield key, call(*asked)
         return
-    # Fresh processes: kernels and threads do not survive a fork.
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=spawn) as pool:
-        running = {pool.submit(call, *asked): key for key, (call, asked) in tasks.items()}
-        for future in progress(as_completed(running), text, len(tasks)):
-            yield running[future], future.result()
+    keys = list(tasks)
+    with contextlib.closing(over_processes(_called, list(tasks.values()), jobs)) as done:
+        for k, row in progress(done, text, len(tasks)):
+            if isinstance(row, GarmentSimError):
+                raise row
+            yield keys[k], row
+
+
+def _called(task: Task) -> Row:
+    call, asked = task
+    return call(*asked)
 
 
 @contextlib.contextmanager

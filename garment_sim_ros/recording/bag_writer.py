@@ -63,6 +63,23 @@ class _Storage(McapWriter):
         """Write the index, with metadata as rosbag2 has them."""
         super().close(version, metadata.replace(_FOREIGN, _OWN))
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What writing goes on from, beside the file up to here."""
+        self.bio.flush()
+        return {**self.__dict__, "bio": self.bio.tell()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Go on from there; what was written after it is left.
+
+        Raises:
+            OSError: The file is missing or shorter.
+        """
+        self.__dict__ = dict(state)
+        if self.path.stat().st_size < state["bio"]:
+            raise OSError(f"{self.path} is shorter than it was")
+        os.truncate(self.path, state["bio"])
+        self.bio = self.path.open("ab")
+
     def go_back(self) -> bool:
         """Leave what was written after the last whole chunk, or that one, too, the next time.
 

@@ -1,5 +1,6 @@
 """The cloth's clock: which time is simulated next, from poses that come when they come."""
 
+import time
 from collections import deque
 from statistics import median
 from typing import Any
@@ -8,7 +9,7 @@ from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.errors import MessageError
 from garment_sim_ros.params import ClothNodeParameters
 from garment_sim_ros.ros.pose_buffer import PoseBuffer
-from garment_sim_ros.ros.stamp_order import StampOrder
+from garment_sim_ros.ros.stamp_order import AWAY, StampOrder
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.world.teleport import has_jumped
 from garment_sim_ros.stamps import SECOND
@@ -97,6 +98,7 @@ class ClothStepper:
         self._jump = {"speed": teleport_speed, "turn_rate": teleport_turn_rate}
         self._on_teleport, self._on_time_jump = on_teleport, on_time_jump
         self._order = StampOrder(time_jump)
+        self._keeps_time, self._looked = False, time.monotonic_ns()
         self._buffer = PoseBuffer()
         self._periods: deque[int] = deque(maxlen=_REMEMBERED)
         self._latency = 0.0
@@ -147,14 +149,16 @@ class ClothStepper:
         before = self._order.newest
         if new_sender:
             self._order.begin(stamp)
+        if self._keeps_time:
+            self._attend()
         anew = new_sender or self._order.accept(stamp)
         puts_on = anew
         if before is not None and not anew:
             self._periods.append(stamp - before)
             newest = self._buffer.newest[1]
             root = self.simulation.collider_set.root
-            time = (stamp - before) / SECOND
-            if has_jumped(newest, poses, time, root=root, **self._jump):
+            past = (stamp - before) / SECOND
+            if has_jumped(newest, poses, past, root=root, **self._jump):
                 self.teleports += 1
                 anew = puts_on = self._on_teleport == "reset"
                 self._is_unsteady = stamp - self._jumped < _UNSTEADY
@@ -233,8 +237,17 @@ class ClothStepper:
         It lies `delay` behind the time that stamps have now. That runs evenly, whatever the rate
         and the jitter of messages; but the target is never beyond the newest of them.
         """
+        self._keeps_time = True
+        self._attend()
         delay = self.period if self.delay < 0.0 else round(self.delay * SECOND)
         return min(self._buffer.newest[0], int(now - self._latency) - delay)
+
+    def _attend(self) -> None:
+        """Look; after a while without, no gap is a jump. A clock that is set tells nothing."""
+        now = time.monotonic_ns()
+        if now - self._looked > AWAY:
+            self._order.excuse_gap(now - self._looked)
+        self._looked = now
 
     def advance(self, until: int, *, in_time: bool = True) -> bool:
         """Simulate whole steps up to a time.

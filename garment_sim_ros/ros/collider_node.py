@@ -33,6 +33,7 @@ from garment_sim_ros.ros.topics import (
     JOINT_STATES,
     ROBOT_DESCRIPTION,
     ROOT_POSE,
+    TF,
 )
 from garment_sim_ros.stamps import SECOND
 
@@ -80,6 +81,8 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         self._keeps = p.lossless
         self._markers_out = self.advertise(COLLIDER_MARKERS)
         self._root_out = self.advertise(ROOT_POSE)
+        self._frame_out = self.advertise(TF) if TF and p.root_frame else None
+        self._frame = f"{self.get_namespace()}/{p.root_frame}".lstrip("/")
         if p.body:
             with reporting(self.get_logger().info, f"load {p.body} and fit its colliders"):
                 body = shared(load_body, p.body, bone_names=p.body_bone_names)
@@ -194,6 +197,8 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         channels.check(joints)
         stamp = joints.stamp or self.get_clock().now().nanoseconds
         if self._source.followed in (None, message.publisher):
+            if self._joints.away:
+                self._stamps.excuse_gap(self._joints.away)
             self._stamps.accept(stamp)
         else:
             self._stamps.begin(stamp)
@@ -224,6 +229,8 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         self._poses_out.publish(data)
         if self._root_out.get_subscription_count():
             self._root_out.publish(avatar.root(T_world_joint, stamp))
+        if self._frame_out is not None and self._frame_out.get_subscription_count():
+            self._frame_out.publish(avatar.root_frame(T_world_joint, stamp, self._frame))
         self._sent += 1
         if self._markers_out.get_subscription_count():
             markers = avatar.due_markers(stamp, poses)

@@ -16,6 +16,7 @@ from garment_sim_ros.ros.handover import Handed, Handover
 from garment_sim_ros.ros.interfaces import subscribe
 from garment_sim_ros.ros.rclpy_internals import Taken, Taker, Waiter
 from garment_sim_ros.ros.sources import Source
+from garment_sim_ros.ros.stamp_order import AWAY
 from garment_sim_ros.ros.topics import Topic
 from garment_sim_ros.stamps import SECOND
 
@@ -40,6 +41,8 @@ class Input:
     Attributes:
         topic: As given.
         source: As given.
+        away: Time without a look at what has come, before the next usable message; 0 where it was
+            short [ns].
         used: When the last usable message came, on a clock that only runs forward [ns].
         count: Usable messages so far.
         subscription: None where messages are handed over.
@@ -59,8 +62,8 @@ class Input:
     ) -> None:
         self.topic = topic
         self.source = source
-        self.used = time.monotonic_ns()
-        self.count = 0
+        self.used = self._looked = time.monotonic_ns()
+        self.away = self.count = 0
         self._node = node
         self._take = take
         self._rejected = rejected
@@ -77,6 +80,10 @@ class Input:
 
     def take_all(self) -> None:
         """Use the messages that have come, up to a number."""
+        now = time.monotonic_ns()
+        if now - self._looked > AWAY:
+            self.away = now - self._looked
+        self._looked = now
         for _ in range(self._most):
             message = self._taker.take()
             if message is None:
@@ -101,8 +108,11 @@ class Input:
     def conflict(self) -> str:
         """Who is followed and who is not, where several send; empty where there is no conflict.
 
-        A followed publisher that is there no more is left.
+        A followed publisher that is there no more is left. Where messages are handed over, who
+        else publishes is not heard.
         """
+        if self._handover is not None:
+            return self._unheard()
         source = self.source
         if source is None or source.followed is None or self.subscription is None:
             return ""
@@ -131,6 +141,17 @@ class Input:
             f"followed, {ignored} ignored"
         )
 
+    def _unheard(self) -> str:
+        """Who publishes what is handed over; empty where that is one."""
+        topic = self._node.resolve_topic_name(self.topic.name)
+        count = self._node.count_publishers(topic)
+        if count < 2:
+            return ""
+        return (
+            f"{count} publishers of {self.topic.name}: that of this process is followed, "
+            "what others send is not heard"
+        )
+
     def _use(self, message: Taken) -> None:
         try:
             if len(message.data) > _MOST_BYTES:
@@ -149,6 +170,7 @@ class Input:
             return
         self.used = time.monotonic_ns()
         self.count += 1
+        self.away = 0
         if self.source is not None:
             self.source.accept(message.publisher, self.used)
 

@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 import rclpy
-from rclpy.context import Context
 from rclpy.exceptions import InvalidNamespaceException
-from rclpy.signals import SignalHandlerOptions
 
 from garment_sim_ros.arrays import FloatArray, SingleArray
 from garment_sim_ros.colliders.description import MAX_TEXT, from_json
@@ -23,6 +21,7 @@ from garment_sim_ros.ros.diagnostics import Rejections
 from garment_sim_ros.ros.garment_conversions import figures_from, mesh_from, points_from
 from garment_sim_ros.ros.inputs import Input
 from garment_sim_ros.ros.node_client import NodeClient
+from garment_sim_ros.ros.own_context import own_context
 from garment_sim_ros.ros.pose_buffer import PoseBuffer
 from garment_sim_ros.ros.rclpy_internals import Taken
 from garment_sim_ros.ros.sources import Source
@@ -85,9 +84,7 @@ class LiveSource:
         self.cloths: Mapping[str, Cloth] = {}
         self.colliders: ColliderSet | None = None
         self._frame_id = frame_id
-        self._context = Context()
-        # Ctrl-C is the program's.
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._context = own_context()
         try:
             self._node = rclpy.create_node(
                 f"view_{os.getpid()}",

@@ -10,9 +10,7 @@ from types import TracebackType
 from typing import Any
 
 import rclpy
-from rclpy.context import Context
 from rclpy.exceptions import InvalidNamespaceException
-from rclpy.signals import SignalHandlerOptions
 
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.mocap.clip import Clip
@@ -21,6 +19,7 @@ from garment_sim_ros.params import ClothNodeParameters, MocapPlayerParameters
 from garment_sim_ros.ros.avatar_nodes import AvatarNodes
 from garment_sim_ros.ros.measurement import Measurement
 from garment_sim_ros.ros.mocap_player import read_clip
+from garment_sim_ros.ros.own_context import own_context
 from garment_sim_ros.ros.process import prepare_process
 from garment_sim_ros.ros.shared import shared
 from garment_sim_ros.ros.turns import Turns
@@ -53,9 +52,7 @@ class OneProcess:
 
     def __enter__(self) -> "OneProcess":
         prepare_process()
-        self.context = Context()
-        # Ctrl-C belongs to the program, which then leaves this block.
-        rclpy.init(args=[], context=self.context, signal_handler_options=SignalHandlerOptions.NO)
+        self.context = own_context()
         self._turns = Turns(self._count)
         return self
 

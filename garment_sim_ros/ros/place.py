@@ -9,6 +9,9 @@ from rclpy.parameter import Parameter
 
 from garment_sim_ros.ros.handover import Handover
 
+_WITHOUT = {"start_type_description_service": False}
+"""Of nodes that come and go: this service of rclpy 7.1 leaves 105 KiB of each node behind."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
@@ -38,7 +41,7 @@ class Place:
             "use_global_arguments": False,
             "parameter_overrides": [
                 Parameter(name, value=list(value) if isinstance(value, tuple) else value)
-                for name, value in self.parameters.items()
+                for name, value in {**_WITHOUT, **self.parameters}.items()
             ],
         }
 

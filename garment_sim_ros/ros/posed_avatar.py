@@ -27,7 +27,7 @@ from garment_sim_ros.params import ColliderNodeParameters, ColliderOptions, decl
 from garment_sim_ros.ros.conversions import LARGEST, OUT_OF_RANGE
 from garment_sim_ros.ros.markers import ColliderMarkers
 from garment_sim_ros.ros.progress import reporting
-from garment_sim_ros.ros.serialize import Poses, StampedPose
+from garment_sim_ros.ros.serialize import Poses, RootFrame, StampedPose
 from garment_sim_ros.stamps import SECOND
 
 WorldJoints = Callable[[FloatArray, float], FloatArray]
@@ -66,6 +66,7 @@ class PosedAvatar:
         self._poses = ColliderPoses.identity(len(colliders))
         self._message = Poses(len(colliders), colliders.frame_id)
         self._root_message = StampedPose(colliders.frame_id)
+        self._frame_message: RootFrame | None = None
         self._hips = body.rig.index(body.humanoid.get("hips", body.rig.joint_names[0]))
         # Compiles what messages will run.
         poses = self._poser.poses(np.tile(np.eye(4), (len(body.rig), 1, 1)))
@@ -93,6 +94,13 @@ class PosedAvatar:
         """The message of the hips' pose; arguments as for `posed`."""
         T = T_world_joint[self._hips]
         return self._root_message.fill(stamp, T[:3, 3], quaternion_from_matrix(T[:3, :3]))
+
+    def root_frame(self, T_world_joint: FloatArray, stamp: int, name: str) -> bytes:
+        """The hips' pose as a frame with a name; else as `root`."""
+        if self._frame_message is None:
+            self._frame_message = RootFrame(self.colliders.frame_id, name)
+        T = T_world_joint[self._hips]
+        return self._frame_message.fill(stamp, T[:3, 3], quaternion_from_matrix(T[:3, :3]))
 
     def due_markers(self, stamp: int, poses: ColliderPoses) -> bytes | None:
         """The markers at a time [ns]; None where there are none, or their rate allows none yet."""

@@ -14,9 +14,7 @@ from pathlib import Path
 from types import TracebackType
 
 import rclpy
-from rclpy.context import Context
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosbags.interfaces import Connection, Qos
 from rosbags.typesys import Stores, get_typestore
@@ -24,6 +22,7 @@ from rosbags.typesys import Stores, get_typestore
 from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.recording.bag_writer import BagWriter
 from garment_sim_ros.ros.offered import offered
+from garment_sim_ros.ros.own_context import own_context
 from garment_sim_ros.ros.rclpy_internals import Taker
 from garment_sim_ros.ros.topics import topic_of
 from garment_sim_ros.stepping_back import SMALL, libraries_step_back, step_back
@@ -83,9 +82,7 @@ class Recorder:
 
     def __enter__(self) -> "Recorder":
         self._writer.open()
-        self._context = Context()
-        # Ctrl-C belongs to the program, which then leaves this block.
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._context = own_context()
         self._node = rclpy.create_node(self._name, context=self._context)
         self._threads = [
             threading.Thread(target=self._receive, name="receive", daemon=True),

@@ -14,6 +14,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, PoseArray, PoseStamped, Quaternion
 from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
@@ -41,12 +42,12 @@ class _Template:
     """A serialized message with places to write to.
 
     Args:
-        message: A message that has marks in these places.
+        message: A message that has marks in these places, or its bytes.
         sizes: Lengths of the places in the order of the message [bytes].
     """
 
     def __init__(self, message: Any, sizes: Sequence[int]) -> None:
-        data = encode(message)
+        data = message if isinstance(message, bytes) else encode(message)
         offsets, end = [], 0
         for size in sizes:
             offsets.append(data.index(_MARK * size, end))
@@ -166,6 +167,42 @@ class StampedPose(_Template):
         message.header.stamp = _MARKED_TIME
         message.header.frame_id = frame_id
         super().__init__(message, (_STAMP_SIZE, _POSE_SIZE))
+        self._pose = self._numbers(1, np.float64, 7)[0]
+
+    def fill(self, stamp: int, position: FloatArray, orientation: FloatArray) -> bytes:
+        """The message at a time [ns] for a position [m] and a unit quaternion."""
+        self._write_stamp(0, stamp)
+        self._pose[:3] = position
+        self._pose[3:] = orientation
+        return self._bytes.tobytes()
+
+
+class RootFrame(_Template):
+    """TFMessage with one transform.
+
+    Its type need not be installed: the bytes are made from its definition.
+
+    Args:
+        parent: Frame in which the transform is.
+        child: Frame that is placed.
+    """
+
+    def __init__(self, parent: str, child: str) -> None:
+        types = get_typestore(Stores.ROS2_JAZZY)
+        made = {name.rpartition("/")[2]: kind for name, kind in types.types.items()}
+        n = _MARKED_NUMBER
+        stamp = made["Time"](sec=_MARKED_TIME.sec, nanosec=_MARKED_TIME.nanosec)
+        transform = made["TransformStamped"](
+            header=made["Header"](stamp=stamp, frame_id=parent),
+            child_frame_id=child,
+            transform=made["Transform"](
+                translation=made["Vector3"](x=n, y=n, z=n),
+                rotation=made["Quaternion"](x=n, y=n, z=n, w=n),
+            ),
+        )
+        message = made["TFMessage"](transforms=[transform])
+        data = bytes(types.serialize_cdr(message, "tf2_msgs/msg/TFMessage"))
+        super().__init__(data, (_STAMP_SIZE, _POSE_SIZE))
         self._pose = self._numbers(1, np.float64, 7)[0]
 
     def fill(self, stamp: int, position: FloatArray, orientation: FloatArray) -> bytes:

@@ -5,6 +5,12 @@ from garment_sim_ros.stamps import SECOND
 
 BACKWARDS = "stamp_backwards"
 JUMP = "stamp_jump"
+AWAY = SECOND // 4
+"""A receiver that did not look for so long [ns] was away: a machine that stands still, or has too
+much to do. Whoever sent meanwhile is not to blame for the gap."""
+_WAITING = 50
+"""Messages that may have waited for the receiver and be taken first."""
+_FOREVER = 2**63
 _RUN = SECOND // 10
 _FEWEST = 3
 """Old stamps that follow on each other are a time of their own once they are so many and cover so
@@ -32,16 +38,22 @@ class StampOrder:
         self.jumps = 0
         self._elsewhere: int | None = None
         self._old: list[int] = []
-        self._was_away = False
+        self._away = self._excused = 0
 
-    def excuse_gap(self) -> None:
-        """Take the next later stamp however far it is: its receiver was away, not its sender."""
-        self._was_away = True
+    def excuse_gap(self, away: int | None = None) -> None:
+        """Take one later stamp though it is far: its receiver was away, not its sender.
+
+        Args:
+            away: For how long [ns]: one of the next stamps is excused, as some from before may be
+                waiting. None: the next one is, however far it is.
+        """
+        self._away = _FOREVER if away is None else away
+        self._excused = 1 if away is None else _WAITING
 
     def begin(self, stamp: int) -> None:
         """Begin a new time with a stamp [ns]: it is another sender's."""
         self.newest = stamp
-        self._elsewhere, self._old, self._was_away = None, [], False
+        self._elsewhere, self._old, self._away = None, [], 0
 
     def accept(self, stamp: int) -> bool:
         """Take a stamp [ns].
@@ -53,12 +65,15 @@ class StampOrder:
             MessageError: It is not newer than the last one, or far from it for the first time.
         """
         before, self._elsewhere = self._elsewhere, None
-        was_away, self._was_away = self._was_away, False
+        self._excused -= 1
+        away = self._away if self._excused >= 0 else 0
         if self.newest is None:
             self.newest = stamp
             return True
         step = stamp - self.newest
-        if 0 < step <= self._limit or (was_away and step > 0):
+        if 0 < step <= self._limit + away:
+            if step > self._limit:
+                self._away = 0
             self.newest = stamp
             self._old = []
             return False

@@ -14,6 +14,11 @@ from shape_msgs.msg import Mesh
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
+try:
+    from tf2_msgs.msg import TFMessage
+except ImportError:
+    TFMessage = None
+
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
@@ -67,6 +72,8 @@ ROOT_POSE = Topic(name="root_pose", type=PoseStamped, depth=10)
 GARMENT_POINTS = Topic(name="garments/{}/points", type=PointCloud2, depth=2)
 GARMENT_MESH = Topic(name="garments/{}/mesh", type=Marker, depth=2)
 GARMENT_TOPOLOGY = Topic(name="garments/{}/topology", type=Mesh, depth=1, latched=True)
+TF = None if TFMessage is None else Topic(name="/tf", type=TFMessage, depth=100)
+"""Frames for everybody; None where its type is not installed."""
 QUALITY = Topic(name="quality", type=DiagnosticArray, depth=2)
 DIAGNOSTICS = Topic(name="/diagnostics", type=DiagnosticArray, depth=10)
 _ALL = (

@@ -3,6 +3,7 @@
 import json
 import random
 import re
+import struct
 
 MOST_BYTES = 100_000
 
@@ -35,6 +36,10 @@ _WORDS = (
         b"/dev",
     ),
 )
+_FLOATS = (
+    *(0.0, -0.0, 1.0, float("nan"), float("inf"), -float("inf"), 1e300, -1e300, 1e-320),
+    *(1e6, -1e6, 999_999.0, 1e9, 2.0**53),
+)
 _VALUES = (
     *(None, True, 0, -1, 0.5, 2**31, 2**63, 10**30, 1e308, 1e-320, "", "a\nb", "x" * 50_000),
     *([], {}, [[]], [0], [0.5, "x"], {"a": {}}, "\ud800", list(range(1000)), [1e300] * 3),
@@ -50,6 +55,32 @@ def mutant(data: bytes, seed: int) -> bytes:
     for _ in range(rng.choice((1, 1, 1, 2, 4))):
         data = rng.choice(kinds)(data, rng) or data
     return data[:MOST_BYTES]
+
+
+def binary_mutant(data: bytes, seed: int) -> bytes:
+    """The same for a message: bytes, spans, counts and float64."""
+    rng = random.Random(seed)
+    for _ in range(rng.choice((1, 1, 1, 2, 4))):
+        data = (
+            rng.choice((_bytes, _span, _binary_numbers, _floats, _floats, _floats))(data, rng)
+            or data
+        )
+    return data[:MOST_BYTES]
+
+
+def _floats(data: bytes, rng: random.Random) -> bytes:
+    """Some float64 of a message are others."""
+    changed = bytearray(data)
+    for _ in range(rng.choice((1, 1, 5))):
+        if len(data) < 12:
+            break
+        count = (len(data) - 4) // 8
+        # Names, which damage breaks as a whole, come first.
+        first = rng.choice((0, max(0, count - 40)))
+        place = 4 + 8 * rng.randrange(first, count) + rng.choice((0, 0, 4))
+        value = rng.choice((*_FLOATS, rng.gauss(0.0, 1.0), rng.gauss(0.0, 1e3)))
+        changed[place : place + 8] = struct.pack("<d", value)
+    return bytes(changed)
 
 
 def _bytes(data: bytes, rng: random.Random) -> bytes:

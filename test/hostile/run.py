@@ -39,7 +39,7 @@ def main() -> int:
         made = samples(Path(folder))
         for sample in made.values():
             sample.read()  # what is valid is read; imports and kernels are then there, too
-        _limit_memory()
+        limit_memory()
         for name, sample in made.items():
             if name.startswith(args.only):
                 result[name] = _tried(name, sample, args.mutants, args.seed, args.keep)
@@ -89,7 +89,8 @@ def _tried(name: str, sample: Sample, count: int, seed: int, keep: Path | None) 
     return found
 
 
-def _limit_memory() -> None:
+def limit_memory() -> None:
+    """Let this process take little more than it has."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     limit = pages * resource.getpagesize() + MEMORY
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))

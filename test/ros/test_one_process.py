@@ -198,6 +198,32 @@ def test_everything_of_the_nodes_is_there_for_others(command, make_probe, until,
     assert "Traceback" not in process.said
 
 
+def test_a_process_that_stood_still_keeps_its_garments(command, make_probe, until, outfit):
+    """Nothing was sent meanwhile: it is no new time, in which they would be put on again."""
+    namespace = "/stood_still"
+    process = command("--outfit", outfit, "--namespace", namespace)
+    probe = make_probe(namespace)
+    points = probe.listen(GARMENT_POINTS, "skirt", raw=True)
+    until(lambda: len(probe.received(points)) > 20, "cloth")
+    cloth = SimpleNamespace(full_name=f"{namespace}/cloth_node")
+
+    def counted():
+        before = probe.diagnostics(cloth)
+        until(lambda: probe.diagnostics(cloth) is not before, "diagnostics")
+        return {k: probe.value(cloth, k) for k in ("resets", "time_jumps", "skipped_s")}
+
+    before = counted()
+    for _ in range(2):
+        process.send(signal.SIGSTOP)
+        stood = time.monotonic()
+        until(lambda since=stood: time.monotonic() > since + 1.6, "some time to pass")
+        process.send(signal.SIGCONT)
+        probe.next(points, 30)
+    after = counted()
+    assert after["skipped_s"] > before["skipped_s"]
+    assert (after["resets"], after["time_jumps"]) == (before["resets"], before["time_jumps"])
+
+
 def mapped(pid):
     """Files that a process has mapped."""
     return Path(f"/proc/{pid}/maps").read_text()
@@ -267,6 +293,31 @@ def test_the_description_that_is_handed_over_is_published(outfit, make_probe, un
         until(lambda: probe.received(text), "the description")
         with contextlib.suppress(ValueError):
             assert json.loads(probe.received(text)[0].data)["version"] == 1
+
+
+def test_who_is_not_heard_is_told(outfit, make_probe, until):
+    """Another publisher of what is handed over: on /diagnostics, as where nodes are apart."""
+    given = {
+        "mocap_player": {},
+        "collider_node": {"outfit": outfit},
+        "cloth_node": {"outfit": outfit},
+    }
+    probe = make_probe("/handed")
+    with OneProcess() as process:
+        process.add("/handed", given)
+        until(lambda: process.is_dressed, "a dressed avatar", limit=LIMIT)
+
+        def told(name):
+            status = probe.diagnostics(SimpleNamespace(full_name=f"/handed/{name}"))
+            return status and status.message
+
+        until(lambda: told("collider_node"), "diagnostics")
+        assert "publishers of" not in told("collider_node")
+        for name, topic in (("collider_node", JOINT_STATES), ("cloth_node", COLLIDER_POSES)):
+            probe.node.create_publisher(topic.type, topic.name, topic.profile())
+            words = f"2 publishers of {topic.name}: that of this process is followed"
+            until(lambda name=name, words=words: words in told(name), f"{name} to tell")
+        process.check()
 
 
 def test_bodies_are_dressed_when_they_come_and_undressed_when_they_go(

@@ -5,6 +5,7 @@ import sys
 import time
 
 import numpy as np
+import psutil
 from ros_input.hostile import PERIOD, SECOND, Sender
 from std_msgs.msg import String
 
@@ -41,6 +42,22 @@ class Good:
         self._probe.publish(JOINT_STATES, self._message.fill(self.stamp, values))
 
 
+class Used:
+    """Processor time that nodes take, from now on."""
+
+    def __init__(self, avatar, names):
+        self._processes = {name: psutil.Process(avatar.nodes[name].pid) for name in names}
+        self._began, self._before = time.monotonic(), self._so_far()
+
+    def _so_far(self):
+        return {name: sum(p.cpu_times()[:2]) for name, p in self._processes.items()}
+
+    def percent(self):
+        """Percent of one core, by node."""
+        past, now = time.monotonic() - self._began, self._so_far()
+        return {name: 100.0 * (now[name] - self._before[name]) / past for name in now}
+
+
 def run(lengths):
     with Avatar("/soak_flooded") as avatar:
         avatar.start("collider_node")
@@ -49,14 +66,18 @@ def run(lengths):
         sender = Sender(good.send)
         sender.start()
         avatar.follow(since=_BEGIN)
+        names = ("collider_node", "cloth_node")
+        used = Used(avatar, names)
         before = _rates(avatar, _ALONE)
+        alone_percent = used.percent()
         command = [sys.executable, "-m", "soak.send_hostile", avatar.namespace, str(good.stamp)]
         hostile = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert hostile.stdout is not None
         hostile.stdout.readline()  # it has begun
-        names = ("collider_node", "cloth_node")
         begun = {name: avatar.memory(name) for name in names}
+        used = Used(avatar, names)
         rates = _rates(avatar, 60.0 * lengths.minutes)
+        percent = used.percent()
         grown = {name: avatar.memory(name) - begun[name] for name in names}
         hostile.terminate()
         told = hostile.communicate()[0].split()
@@ -68,6 +89,14 @@ def run(lengths):
             at_least("frames that moved, mean", np.mean(rates), 0.95 * alone, "Hz"),
             Row("frames that moved, median of 3 s", f"{np.median(rates):.1f} Hz"),
             Row("frames that moved, worst 3 s", f"{min(rates):.1f} Hz"),
+            *(
+                Row(
+                    f"processor time of {n}",
+                    f"{percent[n]:.0f} %",
+                    f"{alone_percent[n]:.0f} % alone",
+                )
+                for n in names
+            ),
             *(at_most(f"memory that {n} grew by", grown[n], 40.0, "MiB") for n in names),
         ]
         sender.end()

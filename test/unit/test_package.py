@@ -36,7 +36,15 @@ ROS = {
     *("rosidl_parser", "visualization_msgs"),
 }
 # Used where they are installed, never required.
-OPTIONAL = {"launch", "launch_ros", "ament_index_python", "pxr", "viser"}
+OPTIONAL = {
+    "launch",
+    "launch_ros",
+    "ament_index_python",
+    "distributed",
+    "pxr",
+    "tf2_msgs",
+    "viser",
+}
 
 
 def imported(*folders: str) -> set[str]:

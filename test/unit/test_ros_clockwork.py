@@ -78,6 +78,20 @@ class TestStampOrder:
     def test_few_old_ones_far_apart_are_none_either(self):
         assert self.reasons([5.0, 4.2, 4.7, 5.1]) == ["anew", *["stamp_backwards"] * 2, "next"]
 
+    def test_a_gap_is_excused_once_and_for_as_long_as_its_receiver_was_away(self):
+        order = StampOrder(1.0)
+        order.accept(SECOND)
+        order.excuse_gap(2 * SECOND)
+        assert not order.accept(4 * SECOND)
+        with pytest.raises(MessageError, match="stamp_jump"):
+            order.accept(7 * SECOND)
+        order.excuse_gap(SECOND)
+        with pytest.raises(MessageError, match="stamp_jump"):
+            order.accept(4 * SECOND + 2 * SECOND + 1)
+        order.excuse_gap()
+        assert not order.accept(1000 * SECOND)
+        assert order.jumps == 0
+
     def test_new_times_are_counted(self):
         order = StampOrder(1.0)
         for seconds in (5.0, 5.1, 50.0, 50.1, 50.2, 49.9, 49.95, 50.0, 3.0, 3.1):

@@ -9,6 +9,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, Pose, PoseArray, PoseStamped, Quaternion
 from rclpy.serialization import deserialize_message, serialize_message
+from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
@@ -21,6 +22,7 @@ from garment_sim_ros.ros.serialize import (
     PointCloud,
     PosedMarkers,
     Poses,
+    RootFrame,
     StampedPose,
     TriangleMarker,
 )
@@ -126,6 +128,20 @@ def test_stamped_pose():
         p = random_poses(1, i)
         message = PoseStamped(header=header(stamp), pose=pose(p.position[0], p.orientation[0]))
         assert_same(template.fill(stamp, p.position[0], p.orientation[0]), message)
+
+
+@pytest.mark.parametrize("child", ["hips", "ann/hips", "größe"])
+def test_root_frame(child):
+    template, types = RootFrame("world", child), get_typestore(Stores.ROS2_JAZZY)
+    for i, stamp in enumerate(STAMPS):
+        p = random_poses(1, i)
+        data = template.fill(stamp, p.position[0], p.orientation[0])
+        (found,) = types.deserialize_cdr(data, "tf2_msgs/msg/TFMessage").transforms
+        assert (found.header.frame_id, found.child_frame_id) == ("world", child)
+        assert found.header.stamp.sec * 10**9 + found.header.stamp.nanosec == stamp
+        t, q = found.transform.translation, found.transform.rotation
+        assert (t.x, t.y, t.z) == tuple(p.position[0])
+        assert (q.x, q.y, q.z, q.w) == tuple(p.orientation[0])
 
 
 @pytest.mark.parametrize("names", [(), ("a",), ("hip_Xrotation", "knie_links", "größe")])

@@ -271,6 +271,10 @@ def test_recordings_that_are_cut_short(recorded, outfit, tmp_path, capsys):
         (("--clip", "walk", "--begin-with", "joint_states", "--out", "{}/o"), "--begin-with: "),
         (("--clip", "walk", "walk", "--out", "{}/o"), "two inputs named 'walk'"),
         (("--clip", "walk", "--jobs", "0", "--out", "{}/o"), "--jobs: found 0"),
+        (
+            ("--clip", "walk", "--scheduler", "x:1:2", "--out", "{}/o"),
+            "--scheduler: found 'x:1:2'",
+        ),
         (("--clip", "walk", "--preset", "none", "--out", "{}/o"), "preset: found 'none'"),
         *(
             (("--clip", "walk", "--set", f"cloth_node.{said}", "--out", "{}/o"), told)
@@ -331,6 +335,23 @@ def test_several_inputs_and_a_killed_process(recorded, outfit, tmp_path):
     assert sorted(p.name for p in out.iterdir()) == ["a", "b", "c"]
     assert (out / "a").stat().st_ino == whole
     assert on(out / "a", "/points") == on(out / "c", "/points") == on(recorded, "/points")
+
+
+def test_processes_end_with_one_that_was_killed(recorded, outfit, tmp_path):
+    """It could not end them; they leave nothing half-written."""
+    (tmp_path / "a").symlink_to(recorded)
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "garment_sim_ros.cli.main", "simulate", "--outfit", outfit]
+    slow = ["--clip", "walk", "--seconds", "3000", "--bag", str(tmp_path / "a"), "--out", str(out)]
+    process = subprocess.Popen([*command, *slow, "--jobs", "2"], stderr=subprocess.DEVNULL)
+    until(lambda: (out / "a").exists() and list(out.glob(".partial-*/simulation/*")), process)
+    left = [psutil.Process(child) for child in children(process.pid)]
+    assert left
+    process.kill()
+    process.wait()
+    _, alive = psutil.wait_procs(left, timeout=60)
+    assert not alive
+    assert [p.name for p in out.iterdir()] == ["a"]
 
 
 def children(parent):

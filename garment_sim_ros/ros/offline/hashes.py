@@ -88,45 +88,80 @@ class MessageHash:
         return whole.hexdigest()
 
 
-def simulated(work: Work, messages: Iterable[Message], setup: str) -> Iterator[Timed]:
-    """All that a recording of a simulation holds.
+class Telling:
+    """All that a recording of a simulation holds, message by message.
 
     A second's hash comes behind all messages of the same time in the recording, so that by this
     time it can be told what it counts in.
 
     Args:
         work: Does it.
-        messages: What comes in.
         setup: What the simulation is made with.
+
+    Attributes:
+        seconds: Hashes told so far.
     """
-    hashes = MessageHash()
-    begin = second = None
-    due: SecondHash | None = None
-    time = None
-    for message in messages:
-        if due is not None and time is not None and message.time > time:
-            yield _told(due, hashes, time)
-            due = None
+
+    def __init__(self, work: Work, setup: str) -> None:
+        self._work, self._setup = work, setup
+        self._hashes = MessageHash()
+        self._begin: int | None = None
+        self._second: int | None = None
+        self._due: SecondHash | None = None
+        self._time: int | None = None
+        self.seconds = 0
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether nothing but what hashes say has been told: the next begins."""
+        return not self._hashes
+
+    def passes(self, time: int) -> Iterator[Timed]:
+        """What comes before messages of a time [ns]."""
+        if self._due is not None and self._time is not None and time > self._time:
+            yield self._told(self._due, self._time)
+            self._due = None
+
+    def take(self, message: Message) -> Iterator[Timed]:
+        """What comes of a message that comes in, that message first; after `passes`."""
+        work = self._work
         sent: Iterable[tuple[str, bytes]] = work.take(message)
-        if time is None:
-            setup_data = encode(String(data=setup))
-            hashes.add(SIMULATION.name, message.time, setup_data)
-            yield SIMULATION.name, message.time, setup_data
-        time = message.time
+        if self._time is None:
+            setup = encode(String(data=self._setup))
+            self._hashes.add(SIMULATION.name, message.time, setup)
+            yield SIMULATION.name, message.time, setup
+        self._time = message.time
         frames = work.cloth.frames
         for topic, data in sent:
-            hashes.add(topic, time, data)
-            yield topic, time, data
+            self._hashes.add(topic, message.time, data)
+            yield topic, message.time, data
         stepper = work.cloth.stepper
         if work.cloth.frames == frames or stepper is None or stepper.time is None:
-            continue
-        begin = stepper.time if begin is None else begin
-        now = (stepper.time - begin) // SECOND
-        if second is not None and now != second:
-            due = _of(work, second)
-        second = now
-    if time is not None and (due or second is not None) and hashes:
-        yield _told(due or _of(work, second or 0), hashes, time)
+            return
+        self._begin = stepper.time if self._begin is None else self._begin
+        now = (stepper.time - self._begin) // SECOND
+        if self._second is not None and now != self._second:
+            self._due = _of(work, self._second)
+        self._second = now
+
+    def end(self) -> Iterator[Timed]:
+        """What comes after the last message."""
+        if self._time is not None and (self._due or self._second is not None) and self._hashes:
+            yield self._told(self._due or _of(self._work, self._second or 0), self._time)
+
+    def _told(self, due: SecondHash, time: int) -> Timed:
+        self.seconds += 1
+        found = SecondHash(**{**asdict(due), "messages": self._hashes.take()})
+        return STATE_HASH.name, time, encode(String(data=found.text))
+
+
+def simulated(work: Work, messages: Iterable[Message], setup: str) -> Iterator[Timed]:
+    """All that a recording of a simulation holds; see `Telling`."""
+    telling = Telling(work, setup)
+    for message in messages:
+        yield from telling.passes(message.time)
+        yield from telling.take(message)
+    yield from telling.end()
 
 
 def _of(work: Work, second: int) -> SecondHash:
@@ -136,8 +171,3 @@ def _of(work: Work, second: int) -> SecondHash:
     stepper = work.cloth.stepper
     stamp = stepper.time if stepper is not None and stepper.time is not None else 0
     return SecondHash(second=second, stamp=stamp, state=digest.hexdigest(), messages="")
-
-
-def _told(due: SecondHash, hashes: MessageHash, time: int) -> Timed:
-    found = SecondHash(**{**asdict(due), "messages": hashes.take()})
-    return STATE_HASH.name, time, encode(String(data=found.text))

@@ -4,17 +4,13 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from rosbags.interfaces import Connection
-from rosbags.typesys import Stores, get_typestore
-
 from garment_sim_ros.errors import GarmentSimError, InputFileError, MessageError
 from garment_sim_ros.mocap.bag_file import Bag, opened_bag
-from garment_sim_ros.recording.bag_writer import BagWriter
 from garment_sim_ros.ros.conversions import text_from
-from garment_sim_ros.ros.offered import offered
 from garment_sim_ros.ros.offline.hashes import (
     SIMULATION,
     STATE_HASH,
@@ -23,37 +19,15 @@ from garment_sim_ros.ros.offline.hashes import (
     simulated,
 )
 from garment_sim_ros.ros.offline.inputs import Input, Message, opened_input
+from garment_sim_ros.ros.offline.making import Making, Simulated
 from garment_sim_ros.ros.offline.setup import Setup
+from garment_sim_ros.ros.offline.unfinished import Unfinished
 from garment_sim_ros.ros.offline.work import Work
-from garment_sim_ros.ros.topics import topic_of
 
 Progress = Callable[[Iterator[Message], int], Iterator[Message]]
 """Passes messages on, of which there are so many, and shows how far they are."""
 
 _NAME = "simulation"
-_OWN = {topic.name: topic for topic in (SIMULATION, STATE_HASH)}
-"""What only recordings have."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Simulated:
-    """What a simulation came to.
-
-    Attributes:
-        frames: Frames of cloth.
-        seconds: Simulated time from the first frame to the last [s].
-        garments: Number of vertices by garment.
-        rejected: Messages that could not be used, by reason.
-        resets: Times the garments were put on anew.
-        hash: That of the last second's state.
-    """
-
-    frames: int
-    seconds: float
-    garments: dict[str, int]
-    rejected: dict[str, int]
-    resets: int
-    hash: str
 
 
 def _plainly(messages: Iterator[Message], count: int) -> Iterator[Message]:
@@ -62,7 +36,12 @@ def _plainly(messages: Iterator[Message], count: int) -> Iterator[Message]:
 
 
 def record(
-    source: Input, setup: Setup, out: Path, name: object, progress: Progress = _plainly
+    source: Input,
+    setup: Setup,
+    out: Path,
+    name: object,
+    progress: Progress = _plainly,
+    unfinished: Unfinished | None = None,
 ) -> Simulated:
     """Simulate into a recording.
 
@@ -72,54 +51,28 @@ def record(
         out: Folder of the recording; must not exist, and lie in a folder that is free for it.
         name: The input's name, for messages.
         progress: Shows how far it is.
+        unfinished: Keeps each second, to go on from; None: an interruption leaves nothing.
 
     Raises:
         GarmentSimError: A file or parameter cannot be used, or the input leads to no cloth.
     """
-    work = Work(setup)
     # Its file has the same name wherever it goes: the name stands in its bytes.
     written = out.with_name(_NAME)
-    writer = BagWriter(written)
-    types = get_typestore(Stores.ROS2_JAZZY)
-    connections: dict[str, Connection] = {}
-    begin = last = None
-    final = ""
     try:
-        with writer:
-            messages = progress(source.messages, source.count)
-            for topic, time, data in simulated(work, messages, setup.text):
-                if topic not in connections:
-                    of = _OWN.get(topic) or topic_of(topic)
-                    assert of is not None
-                    connections[topic] = writer.add_connection(
-                        f"{source.namespace}/{topic}",
-                        of.kind,
-                        typestore=types,
-                        offered_qos_profiles=[
-                            offered(reliable=True, latched=of.latched, depth=of.depth)
-                        ],
-                    )
-                writer.write(connections[topic], time, data)
-                if topic == STATE_HASH.name:
-                    found = SecondHash.from_text(text_from(data), out)
-                    last, final = found.stamp, found.state
-                elif begin is None and work.cloth.frames and work.cloth.stepper is not None:
-                    begin = work.cloth.stepper.time
-            if not work.cloth.frames:
-                why = work.first_rejection or "no message that moves anything"
-                raise InputFileError(name, f"leads to no cloth ({why})")
+        making = unfinished.kept(setup.text) if unfinished else None
+        if making is None:
+            making = Making(Work(setup), setup.text, written, source.namespace)
+        messages = islice(progress(source.messages, source.count), making.taken, None)
+        for message in messages:
+            making.pass_to(message.time)
+            if unfinished and making.is_whole:
+                unfinished.keep(making)
+            making.take(message)
+        made = making.end(name)
     except OSError as error:
         raise InputFileError(out, error.strerror or str(error), "allowed: room to write") from None
     written.replace(out)
-    stepper = work.cloth.stepper
-    return Simulated(
-        frames=work.cloth.frames,
-        seconds=((last or 0) - (begin or 0)) * 1e-9,
-        garments=work.cloth.garments,
-        rejected=dict(sorted(work.rejected.items())),
-        resets=stepper.resets if stepper else 0,
-        hash=final,
-    )
+    return made
 
 
 @dataclass(frozen=True)
