@@ -57,22 +57,22 @@ def limit_strain(own, ready, planes, kept, limit, time):
     particles, edges = ready.edge_particles, ready.edges
     for _ in range(_PASSES):
         found = False
-        for e in range(edges.shape[0]):
+        for e in range(edges.shape[1]):
             i, j = np.int64(particles[2 * e]), np.int64(particles[2 * e + 1])
             d = less(row(own.x, i), row(own.x, j))
             squared = dot(d, d)
-            if not squared > most * most * edges[e, 0]:
+            if not squared > most * most * edges[0, e]:
                 continue
             if _stays(kept, i) or _stays(kept, j):
                 continue
-            both = edges[e, 1] + edges[e, 2]
+            both = edges[1, e] + edges[2, e]
             before = less(row(own.x_search, i), row(own.x_search, j))
-            longest = max(most * most * edges[e, 0], grown * grown * dot(before, before))
+            longest = max(most * most * edges[0, e], grown * grown * dot(before, before))
             if not (both > np.float32(0.0) and squared > longest):
                 continue
             found = True
             share = (np.float32(1.0) - np.sqrt(longest / squared)) / both
-            a, b = -share * edges[e, 1], share * edges[e, 2]
+            a, b = -share * edges[1, e], share * edges[2, e]
             _draw(own, planes, i, (a * d[0], a * d[1], a * d[2]))
             _draw(own, planes, j, (b * d[0], b * d[1], b * d[2]))
         if not found:
