@@ -90,8 +90,8 @@ def find_near(guard, x):
         Their number.
     """
     low, high = _box_triangles(guard, x)
-    box, triangles = guard.box, guard.triangles
-    count = 0
+    box, triangles, pairs = guard.box, guard.triangles, guard.pairs
+    count, most = 0, pairs.shape[1] - 1
     for c in range(guard.shape.size):
         reach = guard.radius[c] + TRACK
         p, d = core(guard.posed[1], c)
@@ -101,11 +101,18 @@ def find_near(guard, x):
         apart = (low[0] > hx) | (high[0] < lx) | (low[1] > hy) | (high[1] < ly)
         if apart | (low[2] > hz) | (high[2] < lz):
             continue
+        # All are written down, and those counted that are near: nobody can guess which those are,
+        # and a wrong guess costs the processor more than the few numbers.
+        blocks = 0
         for b in range(len(box)):
             apart_x = (box[b, 0] > hx) | (box[b, 3] < lx)
             apart_y = (box[b, 1] > hy) | (box[b, 4] < ly)
             apart_z = (box[b, 2] > hz) | (box[b, 5] < lz)
-            if apart_x | apart_y | apart_z or not _block_is_near(box, b, p, d, reach):
+            guard.blocks[blocks] = b
+            blocks += 0 if apart_x | apart_y | apart_z else 1
+        for n in range(blocks):
+            b = guard.blocks[n]
+            if not _block_is_near(box, b, p, d, reach):
                 continue
             for t in range(b * BLOCK, min(len(triangles), (b + 1) * BLOCK)):
                 i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -114,9 +121,7 @@ def find_near(guard, x):
                 to_a, to_f = less(a, m), less(f, m)
                 size = np.sqrt(max(dot(to_a, to_a), dot(to_f, to_f)))
                 _, square = along_segment(p, d, m)
-                if square > (reach + size) ** 2 or count == guard.pairs.shape[1]:
-                    continue
-                guard.pairs[0, count] = c
-                guard.pairs[1, count] = t
-                count += 1
+                pairs[0, count] = c
+                pairs[1, count] = t
+                count += 1 if (square <= (reach + size) ** 2) & (count < most) else 0
     return count
