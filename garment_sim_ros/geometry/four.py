@@ -75,6 +75,26 @@ def each_four_times(a: SingleArray) -> tuple[SingleArray, ...]:
     return tuple(same_four(number) for number in a)
 
 
+def lower_four(a: SingleArray, b: SingleArray) -> SingleArray:
+    """The lesser of each two numbers; that of b where one of them is not a number."""
+    return np.where(a < b, a, b)
+
+
+def higher_four(a: SingleArray, b: SingleArray) -> SingleArray:
+    """The greater; see `lower_four`."""
+    return np.where(a > b, a, b)
+
+
+def any_above(a: SingleArray, b: SingleArray) -> bool:
+    """Whether any number of a is above that of b."""
+    return bool((a > b).any())
+
+
+def each_number(a: SingleArray) -> tuple[np.float32, ...]:
+    """The four numbers."""
+    return tuple(a)
+
+
 def _typed(function: Callable[..., Any], result: Any) -> None:
     """What a function of this file gives, in kernels, whatever it is given."""
 
@@ -111,6 +131,10 @@ _typed(put_three, types.none)
 _typed(same_four, _four)
 _typed(squares, _four)
 _typed(each_four_times, types.UniTuple(_four, 4))
+_typed(each_number, types.UniTuple(types.float32, 4))
+_typed(lower_four, _four)
+_typed(higher_four, _four)
+_typed(any_above, types.boolean)
 
 
 @lower_builtin(four_at, types.Array, types.Integer)
@@ -169,6 +193,28 @@ def _squares(context, builder, sig, args):
 def _each_four_times(context, builder, sig, args):
     fours = [_pick(builder, args[0], args[0], k, k, k, k) for k in range(4)]
     return context.make_tuple(builder, sig.return_type, fours)
+
+
+@lower_builtin(each_number, _FourType)
+def _each_number(context, builder, sig, args):
+    numbers = [builder.extract_element(args[0], _index(k)) for k in range(4)]
+    return context.make_tuple(builder, sig.return_type, numbers)
+
+
+@lower_builtin(lower_four, _FourType, _FourType)
+def _lower_four(context, builder, sig, args):
+    return builder.select(builder.fcmp_ordered("<", *args), *args)
+
+
+@lower_builtin(higher_four, _FourType, _FourType)
+def _higher_four(context, builder, sig, args):
+    return builder.select(builder.fcmp_ordered(">", *args), *args)
+
+
+@lower_builtin(any_above, _FourType, _FourType)
+def _any_above(context, builder, sig, args):
+    above = builder.bitcast(builder.fcmp_ordered(">", *args), ir.IntType(4))
+    return builder.icmp_unsigned("!=", above, ir.Constant(ir.IntType(4), 0))
 
 
 def _operator(function: Callable[..., Any], instruction: str) -> None:

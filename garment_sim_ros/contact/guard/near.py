@@ -4,8 +4,19 @@ import numpy as np
 
 from garment_sim_ros.contact.guard.guard import BLOCK, TRACK
 from garment_sim_ros.contact.guard.nearest import along_segment
+from garment_sim_ros.geometry.four import (
+    each_number,
+    higher_four,
+    lower_four,
+    put_three,
+    same_four,
+    three_at,
+)
 from garment_sim_ros.geometry.vectors import dot, less
 from garment_sim_ros.jit import lean_kernel
+
+_THREE = np.uint64(3)
+_SIX = np.uint64(6)
 
 
 @lean_kernel(inner=True)
@@ -51,22 +62,17 @@ def _box_triangles(guard, x):
     Returns:
         The box of all [m]: its low corner, its high corner.
     """
-    box = guard.box
-    inf = np.float32(np.inf)
-    low, high = (inf, inf, inf), (-inf, -inf, -inf)
-    for b in range(len(box)):
-        lx = ly = lz = inf
-        hx = hy = hz = -inf
+    places, boxes = x.reshape(-1), guard.box.reshape(-1)
+    low, high = same_four(np.float32(np.inf)), same_four(np.float32(-np.inf))
+    for b in range(len(guard.box)):
+        least, most = same_four(np.float32(np.inf)), same_four(np.float32(-np.inf))
         for n in range(guard.corner_start[b], guard.corner_start[b + 1]):
-            i = guard.corner[n]
-            lx, hx = min(lx, x[i, 0]), max(hx, x[i, 0])
-            ly, hy = min(ly, x[i, 1]), max(hy, x[i, 1])
-            lz, hz = min(lz, x[i, 2]), max(hz, x[i, 2])
-        box[b, 0], box[b, 1], box[b, 2] = lx, ly, lz
-        box[b, 3], box[b, 4], box[b, 5] = hx, hy, hz
-        low = (min(low[0], lx), min(low[1], ly), min(low[2], lz))
-        high = (max(high[0], hx), max(high[1], hy), max(high[2], hz))
-    return low, high
+            place = three_at(places, _THREE * np.uint64(guard.corner[n]))
+            least, most = lower_four(place, least), higher_four(place, most)
+        put_three(boxes, _SIX * np.uint64(b), least)
+        put_three(boxes, _SIX * np.uint64(b) + _THREE, most)
+        low, high = lower_four(least, low), higher_four(most, high)
+    return each_number(low), each_number(high)
 
 
 @lean_kernel(inner=True)
