@@ -85,6 +85,28 @@ def higher_four(a: SingleArray, b: SingleArray) -> SingleArray:
     return np.where(a > b, a, b)
 
 
+def where_above(
+    a: SingleArray, b: SingleArray, this: SingleArray, other: SingleArray
+) -> SingleArray:
+    """Of two fours, numbers of the one where a is above b, else those of the other."""
+    return np.where(a > b, this, other)
+
+
+def counted() -> SingleArray:
+    """0, 1, 2 and 3."""
+    return np.arange(4, dtype=np.float32)
+
+
+def turned_by_one(a: SingleArray) -> SingleArray:
+    """The numbers one place on: the second one first, the first one last."""
+    return np.roll(a, -1)
+
+
+def turned_by_two(a: SingleArray) -> SingleArray:
+    """The numbers two places on."""
+    return np.roll(a, -2)
+
+
 def any_above(a: SingleArray, b: SingleArray) -> bool:
     """Whether any number of a is above that of b."""
     return bool((a > b).any())
@@ -134,6 +156,10 @@ _typed(each_four_times, types.UniTuple(_four, 4))
 _typed(each_number, types.UniTuple(types.float32, 4))
 _typed(lower_four, _four)
 _typed(higher_four, _four)
+_typed(where_above, _four)
+_typed(counted, _four)
+_typed(turned_by_one, _four)
+_typed(turned_by_two, _four)
 _typed(any_above, types.boolean)
 
 
@@ -209,6 +235,26 @@ def _lower_four(context, builder, sig, args):
 @lower_builtin(higher_four, _FourType, _FourType)
 def _higher_four(context, builder, sig, args):
     return builder.select(builder.fcmp_ordered(">", *args), *args)
+
+
+@lower_builtin(where_above, _FourType, _FourType, _FourType, _FourType)
+def _where_above(context, builder, sig, args):
+    return builder.select(builder.fcmp_ordered(">", *args[:2]), *args[2:])
+
+
+@lower_builtin(counted)
+def _counted(context, builder, sig, args):
+    return ir.Constant(_FOUR, [0.0, 1.0, 2.0, 3.0])
+
+
+@lower_builtin(turned_by_one, _FourType)
+def _turned_by_one(context, builder, sig, args):
+    return _pick(builder, args[0], args[0], 1, 2, 3, 0)
+
+
+@lower_builtin(turned_by_two, _FourType)
+def _turned_by_two(context, builder, sig, args):
+    return _pick(builder, args[0], args[0], 2, 3, 0, 1)
 
 
 @lower_builtin(any_above, _FourType, _FourType)
