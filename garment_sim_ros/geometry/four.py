@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba.core import types
+from numba.core.cgutils import get_or_insert_function
 from numba.core.datamodel import models, register_default
 from numba.extending import lower_builtin, type_callable
 from numba.np.arrayobj import make_array
@@ -107,6 +108,11 @@ def turned_by_two(a: SingleArray) -> SingleArray:
     return np.roll(a, -2)
 
 
+def roots(a: SingleArray) -> SingleArray:
+    """Square roots."""
+    return np.sqrt(a)
+
+
 def any_above(a: SingleArray, b: SingleArray) -> bool:
     """Whether any number of a is above that of b."""
     return bool((a > b).any())
@@ -160,6 +166,7 @@ _typed(where_above, _four)
 _typed(counted, _four)
 _typed(turned_by_one, _four)
 _typed(turned_by_two, _four)
+_typed(roots, _four)
 _typed(any_above, types.boolean)
 
 
@@ -255,6 +262,13 @@ def _turned_by_one(context, builder, sig, args):
 @lower_builtin(turned_by_two, _FourType)
 def _turned_by_two(context, builder, sig, args):
     return _pick(builder, args[0], args[0], 2, 3, 0, 1)
+
+
+@lower_builtin(roots, _FourType)
+def _roots(context, builder, sig, args):
+    kind = ir.FunctionType(_FOUR, [_FOUR])
+    root = get_or_insert_function(builder.module, kind, "llvm.sqrt.v4f32")
+    return builder.call(root, args)
 
 
 @lower_builtin(any_above, _FourType, _FourType)

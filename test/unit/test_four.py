@@ -11,6 +11,7 @@ from garment_sim_ros.geometry.four import (
     lower_four,
     put_four,
     put_three,
+    roots,
     same_four,
     squares,
     three_at,
@@ -26,7 +27,7 @@ def _all_of_it(x, out):
     d, e, f, g = each_four_times(c)
     put_four(out, np.uint64(0), c)
     put_four(out, four, squares(a, b, c, d))
-    put_three(out, np.uint64(9), e)
+    put_three(out, np.uint64(9), roots(e * e))
     put_three(out, np.uint64(13), f + g)
 
 

@@ -50,8 +50,7 @@ class XpbdWorkspace(Workspace):
         place: Points of the planes in which particles touch shapes [m], shape [free, 3].
         shift: How far those move in a sub-step [m], shape [free, 3].
         x_end: Positions at the end of the last step [m], shape [n, 3].
-        wide_x: Scratch: positions as fours, flat [m], shape [4 n].
-        wide_v: Scratch: velocities likewise [m/s], shape [4 n].
+        wide_v: Scratch: velocities as fours, flat [m/s], shape [4 n].
         low: What these are short of by rounding [m], shape [3 free].
         push_all: Velocity that outer forces and bending add in a sub-step [m/s], shape [3 free].
         x_search: Positions at the last search for contacts [m], shape [n, 3].
@@ -77,7 +76,6 @@ class XpbdWorkspace(Workspace):
     place: SingleArray
     shift: SingleArray
     x_end: SingleArray
-    wide_x: SingleArray
     wide_v: SingleArray
     low: SingleArray
     push_all: SingleArray
@@ -130,7 +128,6 @@ class XpbdWorkspace(Workspace):
             place=np.zeros((model.free_count, 3), np.float32),
             shift=np.zeros((model.free_count, 3), np.float32),
             x_end=np.full((len(model), 3), np.nan, np.float32),
-            wide_x=np.zeros(4 * len(model), np.float32),
             wide_v=np.zeros(4 * len(model), np.float32),
             low=np.zeros(3 * model.free_count, np.float32),
             push_all=np.zeros(3 * model.free_count, np.float32),
