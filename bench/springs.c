@@ -1,4 +1,4 @@
-/* The same loop as garment_sim_ros/sim/solvers/relaxation/springs.py, to be compiled with
+/* The loop of garment_sim_ros/sim/solvers/relaxation/springs.py, one spring at a time, to be compiled with
    gcc -O3 -march=x86-64-v3 -ffast-math -shared -fPIC. */
 #include <math.h>
 #include <stdint.h>

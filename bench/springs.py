@@ -61,14 +61,14 @@ def sub_step_per_sweep(model: ClothModel, rounds: int, sub_steps: int = 20) -> f
     settings = XpbdSettings(sub_step=1 / 60 / sub_steps, search_every=10)
     params = Parameters(environment=Environment(), settings=settings)
     springs = model.springs
-    arrays = (springs.particles, springs.rest_length, springs.share)
-    x = state.x.copy().reshape(-1)
+    arrays = (springs.particles, springs.rest_length, springs.share, springs.colour_start)
+    x, wide = state.x.copy().reshape(-1), np.zeros(4 * len(model), np.float32)
     ratio = np.zeros(rounds)
     for n in range(-3, rounds):
         t0 = time.perf_counter()
         take_step(SOLVERS["xpbd"], [cloth], [], colliders, params, 1 / 60)
         t1 = time.perf_counter()
-        correct_springs(x, *arrays, sub_steps)
+        correct_springs(x, wide, *arrays, sub_steps)
         if n >= 0:
             ratio[n] = (t1 - t0) / (time.perf_counter() - t1)
     return float(np.median(ratio))
@@ -90,19 +90,20 @@ def main() -> None:
     start = np.ascontiguousarray(shaken[model.vertex], dtype=np.float32).reshape(-1)
     x, x_c = start.copy(), start.copy()
     arrays = (springs.particles, springs.rest_length, springs.share)
+    own = (np.zeros(4 * len(model), np.float32), *arrays, springs.colour_start)
 
     with tempfile.TemporaryDirectory() as folder:
         library = compiled(folder)
         pointers = [ctypes.c_void_p(a.ctypes.data) for a in (x_c, *arrays)]
         counts = [ctypes.c_int64(len(springs)), ctypes.c_int64(options.sweeps)]
-        correct_springs(x, *arrays, options.sweeps)
+        correct_springs(x, *own, options.sweeps)
         library.correct_springs(*pointers, *counts)
         difference = float(np.abs(x - x_c).max())
         times = np.zeros((options.rounds, 2))
         for row in times:
             np.copyto(x, start)
             t0 = time.perf_counter()
-            correct_springs(x, *arrays, options.sweeps)
+            correct_springs(x, *own, options.sweeps)
             t1 = time.perf_counter()
             np.copyto(x_c, start)
             t2 = time.perf_counter()

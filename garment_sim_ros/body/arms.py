@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.anatomy import SIDES
+from garment_sim_ros.body.arm_pushes import Trunk, find_gaps, push
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skin import Body
@@ -38,12 +39,6 @@ _DOUBLES = 1 / 60
 """Time in which it becomes twice as fast after that [s]."""
 _PUSH_RATE = 20.0
 """How fast it is pushed [rad/s]; what kicks it moves at up to 10 m/s, half a metre off."""
-_PUSHES = 16
-"""Most pushes in a pose, each by what the arm is deepest in."""
-_CLOSE = 1e-4
-"""Shortage of room that is left [m]."""
-_SHORTEST = 0.05
-"""Shortest lever [m]: what is pushed towards the shoulder stays."""
 _LONGEST = 0.25
 """Poses farther apart than this [s] have nothing to do with each other."""
 _ALONG_ARM = (0.0, 0.35, 0.7, 1.0)
@@ -100,6 +95,7 @@ def _sphere_of_directions() -> FloatArray:
 
 
 _NORMALS = _sphere_of_directions()
+_NORMALS_BY_AXIS = np.ascontiguousarray(_NORMALS.T)
 
 
 class Arms:
@@ -120,10 +116,22 @@ class Arms:
         skins = _skin_of_bones(body)
         trunk = [bone for bone in _TRUNK if len(skins.get(bone, ())) >= _LEAST_SKIN]
         self._parts = tuple(_part(body, T, bone, skins[bone]) for bone in trunk)
+        self._joint_of_part = np.array([part.joint for part in self._parts], np.int32)
+        self._support = np.array([part.support for part in self._parts])
         self._arms = tuple(_arm(body, T, side, skins) for side in SIDES)
         self.turn = np.zeros((2, 3))
         self._speed = np.full(2, _SLOWEST)
         self._time: float | None = None
+        self._compile(T)
+
+    def _compile(self, T: FloatArray) -> None:
+        """Have the kernels at hand, compiled or loaded: not in the midst of a motion."""
+        for arm in self._arms:
+            if arm is not None and self._parts:
+                trunk, shoulder = self._trunk(T), T[arm.joint, :3, 3].copy()
+                self._gaps(trunk, arm.centre[None], shoulder, arm.radius)
+                still = (self._gap, np.zeros(3), 0.0, 1.0)
+                push(trunk, arm.centre, shoulder, arm.radius, *still)
 
     def forget(self) -> None:
         """Begin anew: what comes next has no past."""
@@ -184,30 +192,14 @@ class Arms:
         arm = self._arms[side]
         assert arm is not None
         angle = float(np.linalg.norm(was))
-        is_clear = self._gaps(centre[None], shoulder, arm.radius, T)[0].min() >= self._gap
+        trunk = self._trunk(T)
+        is_clear = self._gaps(trunk, centre[None], shoulder, arm.radius).min() >= self._gap
         if angle == 0.0 and is_clear:
             return was
-        turn = was * max(0.0, 1.0 - self._speed[side] * dt / max(angle, 1e-9))
-        at = Rotation.from_rotvec(turn)
-        for _ in range(_PUSHES):
-            x = at.apply(centre)
-            gaps, normal = self._gaps(x[None], shoulder, arm.radius, T)
-            part, sphere = np.unravel_index(gaps[:, 0].argmin(), gaps[:, 0].shape)
-            short = self._gap - float(gaps[part, 0, sphere])
-            if short < _CLOSE:
-                break
-            n = T[self._parts[part].joint, :3, :3] @ _NORMALS[normal[part, 0, sphere]]
-            lever = np.cross(x[sphere], n)
-            at = (
-                Rotation.from_rotvec(lever * (short / max(float(lever @ lever), _SHORTEST**2)))
-                * at
-            )
-        start = Rotation.from_rotvec(was)
-        change = (at * start.inv()).as_rotvec()
-        most = _PUSH_RATE * dt / max(float(np.linalg.norm(change)), 1e-9)
-        if most < 1.0:
-            at = Rotation.from_rotvec(most * change) * start
-        pushed = at.as_rotvec()
+        home, farthest = float(self._speed[side] * dt), _PUSH_RATE * dt
+        pushed = np.array(
+            push(trunk, centre, shoulder, arm.radius, self._gap, was, home, farthest)
+        )
         length = float(np.linalg.norm(pushed))
         # Faster and faster, as long as nothing is in the way.
         came = (angle - length) / max(dt, 1e-9)
@@ -223,7 +215,8 @@ class Arms:
         T: FloatArray,
     ) -> FloatArray:
         """Rotation vector by which an arm with such spheres [m, 3] gets out [rad], shape [3]."""
-        gaps = self._gaps(centre[None], shoulder, radius, T)[0][:, 0]
+        trunk = self._trunk(T)
+        gaps = self._gaps(trunk, centre[None], shoulder, radius)[:, 0]
         if gaps.min() >= self._gap:
             return np.zeros(3)
         say = np.maximum(self._near - gaps, 0.0)
@@ -239,7 +232,7 @@ class Arms:
         along = (centre @ axis)[:, None] * axis
         cosine, sine = np.cos(_ANGLES)[:, None, None], np.sin(_ANGLES)[:, None, None]
         turned = along + cosine * (centre - along) + sine * across
-        least = self._gaps(turned, shoulder, radius, T)[0].min(axis=(0, 2))
+        least = self._gaps(trunk, turned, shoulder, radius).min(axis=(0, 2))
         clear = np.flatnonzero(least >= self._gap)
         if not clear.size:
             return np.asarray(_ANGLES[np.argmax(least)] * axis)
@@ -248,24 +241,18 @@ class Arms:
         share = (self._gap - low) / max(float(high - low), 1e-12)
         return np.asarray((_ANGLES[k - 1] + share * (_ANGLES[k] - _ANGLES[k - 1])) * axis)
 
-    def _gaps(
-        self, centre: FloatArray, shoulder: FloatArray, radius: FloatArray, T: FloatArray
-    ) -> tuple[FloatArray, IntArray]:
-        """Distances of spheres [a, m] at `shoulder + centre` from the parts, [p, a, m].
+    def _trunk(self, T: FloatArray) -> Trunk:
+        """The parts where they are now."""
+        return Trunk(T[self._joint_of_part], _NORMALS_BY_AXIS, self._support)
 
-        Returns:
-            The distances [m], and in which direction of `_NORMALS` of the part each is.
-        """
-        world = (shoulder + centre).reshape(-1, 3)
-        heights = np.stack(
-            [
-                ((world - T[part.joint, :3, 3]) @ T[part.joint, :3, :3]) @ _NORMALS.T
-                - part.support
-                for part in self._parts
-            ]
-        )
-        shape = (len(heights), *centre.shape[:2])
-        return heights.max(axis=2).reshape(shape) - radius, heights.argmax(axis=2).reshape(shape)
+    @staticmethod
+    def _gaps(
+        trunk: Trunk, centre: FloatArray, shoulder: FloatArray, radius: FloatArray
+    ) -> FloatArray:
+        """Distances of spheres [a, m] at `shoulder + centre` from the parts [m], [p, a, m]."""
+        gaps = np.empty((len(trunk.support), *centre.shape[:2]))
+        find_gaps(trunk, np.ascontiguousarray(centre), shoulder, radius, gaps)
+        return gaps
 
 
 def _from_axis(x: FloatArray, part: _Part, T: FloatArray) -> FloatArray:

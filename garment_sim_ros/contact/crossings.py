@@ -23,6 +23,7 @@ def find_hits(ends, x, triangles, core, at):
         How many hits there are; those beyond `h` are counted only.
     """
     count = 0
+    near = np.empty(len(ends) + 1, np.int32)
     for first in range(0, len(triangles), _BLOCK):
         last = min(first + _BLOCK, len(triangles))
         a = triangles[first, 0]
@@ -38,17 +39,19 @@ def find_hits(ends, x, triangles, core, at):
         # Where something is not finite the box may be of any size, and hides no finite triangle.
         size = (x_high - x_low) + (y_high - y_low) + (z_high - z_low)
         whole = size < np.inf
+        # All are written down, and those counted that are near: nobody can guess which those are,
+        # and a wrong guess costs the processor more than the few numbers.
+        found = 0
         for k in range(len(ends)):
             p, q = ends[k, 0], ends[k, 1]
-            if whole and (
-                max(p[0], q[0]) < x_low
-                or min(p[0], q[0]) > x_high
-                or max(p[1], q[1]) < y_low
-                or min(p[1], q[1]) > y_high
-                or max(p[2], q[2]) < z_low
-                or min(p[2], q[2]) > z_high
-            ):
-                continue
+            beside_x = ((p[0] < x_low) & (q[0] < x_low)) | ((p[0] > x_high) & (q[0] > x_high))
+            beside_y = ((p[1] < y_low) & (q[1] < y_low)) | ((p[1] > y_high) & (q[1] > y_high))
+            beside_z = ((p[2] < z_low) & (q[2] < z_low)) | ((p[2] > z_high) & (q[2] > z_high))
+            near[found] = k
+            found += 0 if whole & (beside_x | beside_y | beside_z) else 1
+        for n in range(found):
+            k = near[n]
+            p, q = ends[k, 0], ends[k, 1]
             for t in range(first, last):
                 s = _place(p, q, x, triangles[t, 0], triangles[t, 1], triangles[t, 2])
                 if s >= 0.0:

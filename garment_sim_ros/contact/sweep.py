@@ -26,9 +26,18 @@ from garment_sim_ros.contact.distance import shape_distance
 from garment_sim_ros.contact.packed import PackedShapes
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.contact.sides import UNDER
+from garment_sim_ros.geometry.four import (
+    each_number,
+    higher_four,
+    lower_four,
+    same_four,
+    squares,
+    three_at,
+)
 from garment_sim_ros.geometry.locality import BLOCK
 from garment_sim_ros.jit import lean_kernel
 
+_THREE = np.uint64(3)
 _SHORT = 0.5
 """Ways of less than this, in inscribed radii, end on the side where they began."""
 _UNDER_SURFACE = 0.25
@@ -96,17 +105,28 @@ def _enters(shapes, posed, k, qx, qy, qz, rx, ry, rz, length, inner, thickness):
 
 
 @lean_kernel(inner=True)
+def _way(start, end, p):
+    """How far particle p goes; flat arrays."""
+    i = _THREE * np.uint64(p)
+    return three_at(end, i) - three_at(start, i)
+
+
+@lean_kernel(inner=True)
 def _find_fast(posed, way, x_start, x_coast, thickness):
     """Finds the shapes that particles may pass through, or that may pass them; their number."""
     zero = np.float32(0.0)
     half = np.float32(0.5)
-    squared = zero
-    for p in range(x_start.shape[0]):
-        ux = x_coast[p, 0] - x_start[p, 0]
-        uy = x_coast[p, 1] - x_start[p, 1]
-        uz = x_coast[p, 2] - x_start[p, 2]
-        squared = max(squared, ux * ux + uy * uy + uz * uz)
-    fastest = np.sqrt(squared)
+    start, coast = x_start.reshape(-1), x_coast.reshape(-1)
+    longest = same_four(zero)
+    n = x_start.shape[0]
+    for p in range(0, n, 4):
+        a = _way(start, coast, p)
+        b = _way(start, coast, min(p + 1, n - 1))
+        c = _way(start, coast, min(p + 2, n - 1))
+        d = _way(start, coast, min(p + 3, n - 1))
+        longest = higher_four(squares(a, b, c, d), longest)
+    a, b, c, d = each_number(longest)
+    fastest = np.sqrt(max(max(a, b), max(c, d)))
     count = 0
     for k in range(posed.box.shape[0]):
         cx = half * (posed.box[k, 0] + posed.box[k, 3])
@@ -150,21 +170,18 @@ def _find_near(posed, way, x, x_start, x_coast, thickness, begin, end, count):
     """
     half = np.float32(0.5)
     first = posed.box.shape[0] + 1
-    ax = ay = az = lx = ly = lz = mx = my = mz = np.float32(np.inf)
-    bx = by = bz = hx = hy = hz = sx = sy = sz = np.float32(-np.inf)
+    at, start, coast = x.reshape(-1), x_start.reshape(-1), x_coast.reshape(-1)
+    low = low_start = low_way = same_four(np.float32(np.inf))
+    high = high_start = high_way = same_four(np.float32(-np.inf))
     for p in range(begin, end):
-        px, py, pz = x[p, 0], x[p, 1], x[p, 2]
-        qx, qy, qz = x_start[p, 0], x_start[p, 1], x_start[p, 2]
-        fx, fy, fz = x_coast[p, 0] - qx, x_coast[p, 1] - qy, x_coast[p, 2] - qz
-        ax, bx = min(ax, px), max(bx, px)
-        ay, by = min(ay, py), max(by, py)
-        az, bz = min(az, pz), max(bz, pz)
-        mx, sx = min(mx, qx), max(sx, qx)
-        my, sy = min(my, qy), max(sy, qy)
-        mz, sz = min(mz, qz), max(sz, qz)
-        lx, hx = min(lx, fx), max(hx, fx)
-        ly, hy = min(ly, fy), max(hy, fy)
-        lz, hz = min(lz, fz), max(hz, fz)
+        i = _THREE * np.uint64(p)
+        place, before, way_on = three_at(at, i), three_at(start, i), _way(start, coast, p)
+        low, high = lower_four(place, low), higher_four(place, high)
+        low_start, high_start = lower_four(before, low_start), higher_four(before, high_start)
+        low_way, high_way = lower_four(way_on, low_way), higher_four(way_on, high_way)
+    (ax, ay, az, _), (bx, by, bz, _) = each_number(low), each_number(high)
+    (mx, my, mz, _), (sx, sy, sz, _) = each_number(low_start), each_number(high_start)
+    (lx, ly, lz, _), (hx, hy, hz, _) = each_number(low_way), each_number(high_way)
     cx = half * (mx + sx)
     cy = half * (my + sy)
     cz = half * (mz + sz)

@@ -57,6 +57,7 @@ class Workspace:
     Attributes:
         x_start: Positions when the step starts [m], shape [n, 3].
         x_predicted: Positions that the outer forces lead to [m], shape [n, 3].
+        wide: Scratch: positions as fours, flat [m], shape [4 n].
         push: Velocity that outer forces add in a sub-step [m/s], shape [3].
         keep: Part of velocity that is kept in it.
         contacts: Contacts of the free particles in the last step.
@@ -73,6 +74,7 @@ class Workspace:
 
     x_start: SingleArray
     x_predicted: SingleArray
+    wide: SingleArray
     push: SingleArray
     contacts: Contacts
     sides: Sides
@@ -92,6 +94,7 @@ class Workspace:
         return cls(
             x_start=np.zeros((len(model), 3), np.float32),
             x_predicted=np.zeros((len(model), 3), np.float32),
+            wide=np.zeros(4 * len(model), np.float32),
             push=np.zeros(3, np.float32),
             contacts=Contacts.room_for(model.free_count, shapes),
             sides=Sides.all_under(model.free_count, shapes),

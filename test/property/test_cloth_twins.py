@@ -55,7 +55,9 @@ def test_correct_springs(cloth, seed, sweeps):
     expected = naive.correct_springs(
         x, springs.particles.reshape(-1, 2), springs.rest_length, model.inverse_mass, sweeps
     )
-    correct_springs(x.reshape(-1), springs.particles, springs.rest_length, springs.share, sweeps)
+    wide = np.zeros(4 * len(x), np.float32)
+    arrays = (springs.particles, springs.rest_length, springs.share, springs.colour_start)
+    correct_springs(x.reshape(-1), wide, *arrays, sweeps)
     assert np.abs(x - expected).max() < 1e-6
 
 

@@ -25,13 +25,13 @@ def particles_at(x, x_before, moved):
 def ready_edges(rng, edges, rest, weight):
     """Edges as the solver has them."""
     length = np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1)
-    ready = np.zeros((len(edges), 4), np.float32)
+    ready = np.zeros((4, len(edges)), np.float32)
     particles = edges.ravel().astype(np.uint32)
     stiffness = rng.uniform(1.0, 2000.0, len(edges))
     prepare_edges(particles, stiffness, weight, length**2, 1.0, 1e-3, ready)
     none = np.zeros((0, 8), np.float32)
     empty = np.zeros((0, 4), np.int32)
-    return Prepared(particles, ready, np.zeros(len(edges), np.float32), empty, none), length
+    return Prepared(particles, ready, 0, np.zeros(len(edges), np.float32), empty, none), length
 
 
 @given(st.integers(0, 10**6), st.floats(0.001, 0.05))

@@ -11,6 +11,7 @@ from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
 from garment_sim_ros.sim.solvers.xpbd.edges import prepare_edges, solve_edges, solve_edges_apart
 from garment_sim_ros.sim.solvers.xpbd.hinges import bend, prepare_hinges
 from garment_sim_ros.sim.solvers.xpbd.motion import arrive, coast
+from garment_sim_ros.sim.solvers.xpbd.order import in_fours
 
 SEEDS = st.integers(0, 10**6)
 
@@ -25,6 +26,10 @@ def strained(cloth, seed, scale):
     return rng, rest, triangles, x, weight.astype(np.float32)
 
 
+def as_fours(x):
+    return np.pad(x, ((0, 0), (0, 1)))
+
+
 @given(SEEDS, st.integers(1, 4), st.floats(1e-4, 0.02))
 @settings(derandomize=True, deadline=None, max_examples=20)
 def test_edges(cloth, seed, iterations, dt):
@@ -32,16 +37,19 @@ def test_edges(cloth, seed, iterations, dt):
     rng, rest, triangles, x, weight = strained(cloth, seed, 0.0003)
     edges = mesh_topology(triangles).edges
     edges = rng.permutation(edges[weight[edges].sum(axis=1) > 0.0])
+    order, fours = in_fours(edges)
+    assert 0 < fours < len(edges)
+    edges = edges[order]
     length = np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1)
     stiffness = rng.uniform(1.0, 2000.0, len(edges))
     expected = naive_xpbd.solve_edges(x, edges, length, stiffness, weight, dt, iterations)
     particles = edges.ravel().astype(np.uint32)
-    ready = np.zeros((len(edges), 4), np.float32)
+    ready = np.zeros((4, len(edges)), np.float32)
     prepare_edges(particles, stiffness, weight, length**2, 1.0, dt, ready)
-    once = x.copy()
+    once = as_fours(x)
     if iterations == 1:
-        solve_edges(once.reshape(-1), particles, ready)
-        assert np.abs(once - expected).max() < 1e-5
+        solve_edges(once.reshape(-1), particles, ready, fours)
+        assert np.abs(once[:, :3] - expected).max() < 1e-5
     pull = np.zeros(len(edges), np.float32)
     moved = np.zeros_like(x)
     for _ in range(iterations):
@@ -62,8 +70,9 @@ def test_bending(cloth, seed, dt, stiffness):
     )
     ready = np.zeros((len(pairs.particles), 8), np.float32)
     prepare_hinges(pairs.particles, pairs.weight, pairs.stiffness, weight, 1.0, dt, ready)
-    bend(x, v, pairs.particles, ready, np.float32(dt))
-    assert np.abs(v - expected).max() < 1e-4 * max(1.0, float(np.abs(expected).max()))
+    bent = as_fours(v)
+    bend(as_fours(x).reshape(-1), bent.reshape(-1), pairs.particles, ready, np.float32(dt))
+    assert np.abs(bent[:, :3] - expected).max() < 1e-4 * max(1.0, float(np.abs(expected).max()))
 
 
 def test_ways_shorter_than_rounding_add_up():

@@ -36,7 +36,9 @@ class Guard(NamedTuple):
         outside: Whether each core is outside of each triangle, not under it, shape [c, t].
         box: Scratch: boxes of blocks of triangles [m], shape [b, 6].
         posed: Scratch: ends of the cores at the last search and now [m], shape [2, c, 2, 3].
-        pairs: Scratch: cores and triangles that are near each other, shape [2, k].
+        blocks: Scratch: blocks of triangles that are near a core, shape [b + 1].
+        pairs: Scratch: cores and triangles that are near each other, room for one more, shape
+            [2, k + 1].
         seen: Number of the search in which each core was near each triangle, shape [c, t].
         side: Unit direction from the core to the triangle then, shape [c, t, 3].
         crossed: Whether the triangle has to come back to that side, shape [c, t].
@@ -57,6 +59,7 @@ class Guard(NamedTuple):
     outside: NDArray[np.bool_]
     box: SingleArray
     posed: FloatArray
+    blocks: IntArray
     pairs: IntArray
     seen: IntArray
     side: SingleArray
@@ -104,7 +107,8 @@ class Guard(NamedTuple):
             outside=np.ascontiguousarray(of_corner.sum(axis=2) > half),
             box=np.zeros((-(-t // BLOCK), 6), np.float32),
             posed=np.zeros((2, c, 2, 3)),
-            pairs=np.zeros((2, _MOST), np.int32),
+            blocks=np.zeros(-(-t // BLOCK) + 1, np.int32),
+            pairs=np.zeros((2, _MOST + 1), np.int32),
             seen=np.full((c, t), -9, np.int32),
             side=np.zeros((c, t, 3), np.float32),
             crossed=np.zeros((c, t), np.bool_),
@@ -127,7 +131,8 @@ class Guard(NamedTuple):
             outside=np.zeros((0, 0), np.bool_),
             box=np.zeros((0, 6), np.float32),
             posed=np.zeros((2, 0, 2, 3)),
-            pairs=np.zeros((2, 0), np.int32),
+            blocks=np.zeros(1, np.int32),
+            pairs=np.zeros((2, 1), np.int32),
             seen=np.zeros((0, 0), np.int32),
             side=np.zeros((0, 0, 3), np.float32),
             crossed=np.zeros((0, 0), np.bool_),

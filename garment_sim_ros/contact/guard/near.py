@@ -4,8 +4,19 @@ import numpy as np
 
 from garment_sim_ros.contact.guard.guard import BLOCK, TRACK
 from garment_sim_ros.contact.guard.nearest import along_segment
+from garment_sim_ros.geometry.four import (
+    each_number,
+    higher_four,
+    lower_four,
+    put_three,
+    same_four,
+    three_at,
+)
 from garment_sim_ros.geometry.vectors import dot, less
 from garment_sim_ros.jit import lean_kernel
+
+_THREE = np.uint64(3)
+_SIX = np.uint64(6)
 
 
 @lean_kernel(inner=True)
@@ -51,22 +62,17 @@ def _box_triangles(guard, x):
     Returns:
         The box of all [m]: its low corner, its high corner.
     """
-    box = guard.box
-    inf = np.float32(np.inf)
-    low, high = (inf, inf, inf), (-inf, -inf, -inf)
-    for b in range(len(box)):
-        lx = ly = lz = inf
-        hx = hy = hz = -inf
+    places, boxes = x.reshape(-1), guard.box.reshape(-1)
+    low, high = same_four(np.float32(np.inf)), same_four(np.float32(-np.inf))
+    for b in range(len(guard.box)):
+        least, most = same_four(np.float32(np.inf)), same_four(np.float32(-np.inf))
         for n in range(guard.corner_start[b], guard.corner_start[b + 1]):
-            i = guard.corner[n]
-            lx, hx = min(lx, x[i, 0]), max(hx, x[i, 0])
-            ly, hy = min(ly, x[i, 1]), max(hy, x[i, 1])
-            lz, hz = min(lz, x[i, 2]), max(hz, x[i, 2])
-        box[b, 0], box[b, 1], box[b, 2] = lx, ly, lz
-        box[b, 3], box[b, 4], box[b, 5] = hx, hy, hz
-        low = (min(low[0], lx), min(low[1], ly), min(low[2], lz))
-        high = (max(high[0], hx), max(high[1], hy), max(high[2], hz))
-    return low, high
+            place = three_at(places, _THREE * np.uint64(guard.corner[n]))
+            least, most = lower_four(place, least), higher_four(place, most)
+        put_three(boxes, _SIX * np.uint64(b), least)
+        put_three(boxes, _SIX * np.uint64(b) + _THREE, most)
+        low, high = lower_four(least, low), higher_four(most, high)
+    return each_number(low), each_number(high)
 
 
 @lean_kernel(inner=True)
@@ -90,8 +96,8 @@ def find_near(guard, x):
         Their number.
     """
     low, high = _box_triangles(guard, x)
-    box, triangles = guard.box, guard.triangles
-    count = 0
+    box, triangles, pairs = guard.box, guard.triangles, guard.pairs
+    count, most = 0, pairs.shape[1] - 1
     for c in range(guard.shape.size):
         reach = guard.radius[c] + TRACK
         p, d = core(guard.posed[1], c)
@@ -101,11 +107,18 @@ def find_near(guard, x):
         apart = (low[0] > hx) | (high[0] < lx) | (low[1] > hy) | (high[1] < ly)
         if apart | (low[2] > hz) | (high[2] < lz):
             continue
+        # All are written down, and those counted that are near: nobody can guess which those are,
+        # and a wrong guess costs the processor more than the few numbers.
+        blocks = 0
         for b in range(len(box)):
             apart_x = (box[b, 0] > hx) | (box[b, 3] < lx)
             apart_y = (box[b, 1] > hy) | (box[b, 4] < ly)
             apart_z = (box[b, 2] > hz) | (box[b, 5] < lz)
-            if apart_x | apart_y | apart_z or not _block_is_near(box, b, p, d, reach):
+            guard.blocks[blocks] = b
+            blocks += 0 if apart_x | apart_y | apart_z else 1
+        for n in range(blocks):
+            b = guard.blocks[n]
+            if not _block_is_near(box, b, p, d, reach):
                 continue
             for t in range(b * BLOCK, min(len(triangles), (b + 1) * BLOCK)):
                 i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -114,9 +127,7 @@ def find_near(guard, x):
                 to_a, to_f = less(a, m), less(f, m)
                 size = np.sqrt(max(dot(to_a, to_a), dot(to_f, to_f)))
                 _, square = along_segment(p, d, m)
-                if square > (reach + size) ** 2 or count == guard.pairs.shape[1]:
-                    continue
-                guard.pairs[0, count] = c
-                guard.pairs[1, count] = t
-                count += 1
+                pairs[0, count] = c
+                pairs[1, count] = t
+                count += 1 if (square <= (reach + size) ** 2) & (count < most) else 0
     return count

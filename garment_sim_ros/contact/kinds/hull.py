@@ -29,6 +29,17 @@ from garment_sim_ros.contact.kinds.kind import (
     numbers,
 )
 from garment_sim_ros.contact.kinds.packed_hulls import PackedHulls, hull_bound, pack_hulls
+from garment_sim_ros.geometry.four import (
+    counted,
+    each_number,
+    four_at,
+    higher_four,
+    lower_four,
+    same_four,
+    turned_by_one,
+    turned_by_two,
+    where_above,
+)
 from garment_sim_ros.geometry.transforms import transform_points
 from garment_sim_ros.jit import lean_kernel
 
@@ -52,40 +63,17 @@ def _cell_of(shapes, h, x, y, z):
 
 @lean_kernel(inner=True)
 def _four_heights(shapes, four, x, y, z):
-    """Heights of a point over four planes."""
+    """Heights over four planes of a point whose coordinates are fours of the same number."""
     at = np.uint64(four) * np.uint64(20)
     planes = shapes.hulls.plane
-    a = (
-        planes[at] * x
-        + planes[at + np.uint64(4)] * y
-        + planes[at + np.uint64(8)] * z
-        - planes[at + np.uint64(12)]
+    height = (
+        four_at(planes, at) * x
+        + four_at(planes, at + np.uint64(4)) * y
+        + four_at(planes, at + np.uint64(8)) * z
+        - four_at(planes, at + np.uint64(12))
     )
-    b = (
-        planes[at + np.uint64(1)] * x
-        + planes[at + np.uint64(5)] * y
-        + planes[at + np.uint64(9)] * z
-        - planes[at + np.uint64(13)]
-    )
-    c = (
-        planes[at + np.uint64(2)] * x
-        + planes[at + np.uint64(6)] * y
-        + planes[at + np.uint64(10)] * z
-        - planes[at + np.uint64(14)]
-    )
-    d = (
-        planes[at + np.uint64(3)] * x
-        + planes[at + np.uint64(7)] * y
-        + planes[at + np.uint64(11)] * z
-        - planes[at + np.uint64(15)]
-    )
-    zero = np.float32(0.0)
-    return (
-        a if a > zero else a - planes[at + np.uint64(16)],
-        b if b > zero else b - planes[at + np.uint64(17)],
-        c if c > zero else c - planes[at + np.uint64(18)],
-        d if d > zero else d - planes[at + np.uint64(19)],
-    )
+    buried = height - four_at(planes, at + np.uint64(16))
+    return where_above(height, same_four(np.float32(0.0)), height, buried)
 
 
 @lean_kernel(inner=True)
@@ -95,24 +83,36 @@ def two_highest(shapes, begin, end, x, y, z):
     Returns:
         The greatest height, the one after it, and which plane has the greatest.
     """
-    best = second = np.float32(-np.inf)
-    which = np.int32(0)
+    best = second = same_four(np.float32(-np.inf))
+    which = counted()
+    x, y, z = same_four(x), same_four(y), same_four(z)
     for four in range(begin, end):
-        a, b, c, d = _four_heights(shapes, four, x, y, z)
-        ab, ba = (a, b) if a > b else (b, a)
-        cd, dc = (c, d) if c > d else (d, c)
-        i = np.int32(0) if a > b else np.int32(1)
-        j = np.int32(2) if c > d else np.int32(3)
-        high, low = (ab, cd) if ab > cd else (cd, ab)
-        i = (i if ab > cd else j) + np.int32(4) * np.int32(four)
-        low = low if low > ba else ba
-        low = low if low > dc else dc
-        under = best if high > best else high
-        second = second if second > under else under
-        second = second if second > low else low
-        which = i if high > best else which
-        best = high if high > best else best
-    return best, second, which
+        height = _four_heights(shapes, four, x, y, z)
+        planes = counted() + same_four(np.float32(4 * four))
+        second = higher_four(lower_four(height, best), second)
+        which = where_above(height, best, planes, which)
+        best = higher_four(height, best)
+    # Of the four best and the four after them to those of all: two by two, without a branch.
+    best, second, which = _of_both(
+        *(best, second, which),
+        *(turned_by_two(best), turned_by_two(second), turned_by_two(which)),
+    )
+    best, second, which = _of_both(
+        *(best, second, which),
+        *(turned_by_one(best), turned_by_one(second), turned_by_one(which)),
+    )
+    return each_number(best)[0], each_number(second)[0], each_number(which)[0]
+
+
+@lean_kernel(inner=True)
+def _of_both(best, second, which, other_best, other_second, other_which):
+    """Of two sets of planes the two greatest heights, and the plane with the greatest."""
+    low = lower_four(best, other_best)
+    return (
+        higher_four(best, other_best),
+        higher_four(low, higher_four(second, other_second)),
+        where_above(best, other_best, which, other_which),
+    )
 
 
 @lean_kernel(inner=True)
@@ -134,10 +134,16 @@ def planes_near(shapes, h, x, y, z, reach):
 
 
 @lean_kernel(inner=True)
+def _place_of(plane):
+    """Where a plane that `two_highest` told begins among the planes."""
+    number = np.uint64(plane)
+    return np.uint64(20) * (number >> np.uint64(2)) + (number & np.uint64(3))
+
+
+@lean_kernel(inner=True)
 def hull_normal(shapes, posed, k, plane):
     """Unit direction out of shape k, a hull, over a plane that `two_highest` told."""
-    at = np.uint64(plane)
-    at = np.uint64(20) * (at >> np.uint64(2)) + (at & np.uint64(3))
+    at = _place_of(plane)
     nx = shapes.hulls.plane[at]
     ny = shapes.hulls.plane[at + np.uint64(4)]
     nz = shapes.hulls.plane[at + np.uint64(8)]
@@ -191,17 +197,10 @@ def hull_distance(shapes, posed, k, qx, qy, qz, reach):
     if low < -reach or high > reach:
         return np.float32(np.inf), zero, zero, zero
     begin, end = planes_near(shapes, h, x, y, z, reach)
-    best = np.float32(-np.inf)
-    found = np.uint64(0)
-    for four in range(begin, end):
-        a, b, c, d = _four_heights(shapes, four, x, y, z)
-        highest = max(max(a, b), max(c, d))
-        if highest > best:
-            best = highest
-            which = 0 if a == highest else (1 if b == highest else (2 if c == highest else 3))
-            found = np.uint64(20 * four + which)
+    best, _, plane = two_highest(shapes, begin, end, x, y, z)
     if best > reach:
         return np.float32(np.inf), zero, zero, zero
+    found = _place_of(plane)
     nx = shapes.hulls.plane[found]
     ny = shapes.hulls.plane[found + np.uint64(4)]
     nz = shapes.hulls.plane[found + np.uint64(8)]

@@ -102,7 +102,7 @@ def hull_distances(shapes, posed, k, thickness, block, cell, lane):
             shapes, begin, end, block[i + ROW_U], block[i + ROW_V], block[i + ROW_W]
         )
         block[i + ROW_DISTANCE] = lower(best, most)
-        block[i + ROW_PLANE] = np.float32(plane)
+        block[i + ROW_PLANE] = plane
         # Inside, a plane that is buried may be the nearest as soon as it is crossed.
         block[i + ROW_FIRM] = lower(best - second, reach) if best > zero else zero
 

@@ -130,13 +130,17 @@ def _with_exposed(
         return grid
     exposed = np.flatnonzero(~buried).astype(np.int32)
     inner = face_grid(planes[exposed], low, high, far=far, overlap=_OVERLAP)
-    lists = []
-    for c in range(len(grid.start) - 1):
-        own = grid.face[grid.start[c] : grid.start[c + 1]]
-        other = exposed[inner.face[inner.start[c] : inner.start[c + 1]]]
-        lists.append(np.union1d(own, other).astype(np.int32) if len(own) else own)
-    start = np.cumsum([0, *map(len, lists)]).astype(np.int32)
-    return replace(grid, start=start, face=np.concatenate(lists))
+    cells = len(grid.start) - 1
+    cell, other = (np.repeat(np.arange(cells), np.diff(g.start)) for g in (grid, inner))
+    both = np.concatenate(
+        [cell * len(planes) + grid.face, other * len(planes) + exposed[inner.face]]
+    )
+    # Cells that are far outside stay empty.
+    listed = np.unique(both[np.diff(grid.start)[both // len(planes)] > 0])
+    count = np.bincount(listed // len(planes), minlength=cells)
+    start = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
+    face = (listed % len(planes)).astype(np.int32)
+    return replace(grid, start=start, face=face)
 
 
 def pack_hulls(

@@ -201,14 +201,16 @@ def give_way(pins, poses, shapes, posed, far, share):
         for k in range(3):
             pins.x[p, k] = turned[k] + position[c, k] - origin[k]
         _, _, _ = _leave(pins, shapes, posed, p, True)
+    any_gives_way = False
     for k in range(len(pins.out)):
         size = np.sqrt(pins.out[k, 0] ** 2 + pins.out[k, 1] ** 2 + pins.out[k, 2] ** 2)
+        any_gives_way = any_gives_way or size > np.float32(0.0)
         for axis in range(3):
             pins.out[k, axis] /= max(size, np.float32(1e-12))
     for p in range(collider.size):
-        q = orientation[collider[p]]
-        sx, sy, sz = _leave(pins, shapes, posed, p, False)
-        if sx != 0.0 or sy != 0.0 or sz != 0.0:
+        if any_gives_way:
+            sx, sy, sz = _leave(pins, shapes, posed, p, False)
+            q = orientation[collider[p]]
             turned = rotate(-q[0], -q[1], -q[2], q[3], sx, sy, sz)
             for k in range(3):
                 step[p, k] += turned[k]

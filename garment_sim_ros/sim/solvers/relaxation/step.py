@@ -102,9 +102,11 @@ def _correct(piece: Piece, step: Step) -> None:
     springs = piece.model.springs
     correct_springs(
         state.x.reshape(-1),
+        workspace.wide,
         springs.particles,
         springs.rest_length,
         springs.share,
+        springs.colour_start,
         step.params.settings.sweeps,
     )
     if workspace.attached.is_anything:

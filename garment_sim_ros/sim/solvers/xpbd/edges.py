@@ -8,11 +8,20 @@ the same root, and stays finite where the ends coincide. At 10 % strain the two 
 
 import numpy as np
 
+from garment_sim_ros.geometry.four import (
+    each_four_times,
+    four_at,
+    put_four,
+    same_four,
+    squares,
+)
 from garment_sim_ros.jit import kernel
 
 _ONE = np.uint64(1)
 _TWO = np.uint64(2)
 _THREE = np.uint64(3)
+_FOUR = np.uint64(4)
+_TINY = np.float32(1e-20)
 
 
 @kernel()
@@ -26,48 +35,75 @@ def prepare_edges(particles, stiffness, inverse_mass, rest_squared, keep, dt, ed
         rest_squared: Squared rest lengths [m^2], shape [m].
         keep: Part of velocity that damping leaves in a sub-step; of what forces add, too.
         dt: Sub-step [s].
-        edges: Output, see `Edges`, shape [m, 4].
+        edges: Output: squared rest lengths [m^2], what the first and the second end take of a
+            correction, and what compliance leaves of a multiplier, shape [4, m].
     """
     for e in range(stiffness.size):
         w0 = keep * inverse_mass[particles[2 * e]]
         w1 = keep * inverse_mass[particles[2 * e + 1]]
         pull = stiffness[e] * dt * dt
         share = pull / ((w0 + w1) * pull + 1.0)
-        edges[e, 0] = rest_squared[e]
-        edges[e, 1] = w0 * share
-        edges[e, 2] = w1 * share
-        edges[e, 3] = 1.0 / ((w0 + w1) * pull + 1.0)
+        edges[0, e] = rest_squared[e]
+        edges[1, e] = w0 * share
+        edges[2, e] = w1 * share
+        edges[3, e] = 1.0 / ((w0 + w1) * pull + 1.0)
+
+
+@kernel(inner=True)
+def _quotient(squared, rest):
+    """Four times 1 - l/d, or what stands for it, of the squares of d and l."""
+    squared = squared + same_four(_TINY)
+    over = squared - rest
+    return (over + over) / (rest + same_four(np.float32(3.0)) * squared)
+
+
+@kernel(inner=True)
+def _end(particles, n):
+    """Where the position of end n is in an array of fours."""
+    return _FOUR * np.uint64(particles[n])
 
 
 @kernel(forceinline=True)
-def solve_edges(x, particles, edges):
+def solve_edges(x, particles, edges, fours):
     """One Gauss-Seidel pass from multipliers of zero (Macklin et al. 2016, equation 18).
 
+    Four edges at once where they have no end in common: what they give is the same as one by one.
+
     Args:
-        x: Positions, changed in place, flat [m], shape [3 n].
+        x: Positions, four numbers each of which the last one does not count, changed in place,
+            flat [m], shape [4 n].
         particles: Ends, flat, unsigned, shape [2 m].
-        edges: From `prepare_edges`, shape [m, 4].
+        edges: From `prepare_edges`, shape [4, m].
+        fours: So many edges are in fours without a common end, the first ones.
     """
-    for e in range(edges.shape[0]):
-        i = _THREE * np.uint64(particles[2 * e])
-        j = _THREE * np.uint64(particles[2 * e + 1])
-        ix, iy, iz = x[i], x[i + _ONE], x[i + _TWO]
-        jx, jy, jz = x[j], x[j + _ONE], x[j + _TWO]
-        dx = ix - jx
-        dy = iy - jy
-        dz = iz - jz
-        squared = dx * dx + dy * dy + dz * dz + np.float32(1e-20)
-        rest = edges[e, 0]
-        over = squared - rest
-        f = (over + over) / (rest + np.float32(3.0) * squared)
-        a = edges[e, 1] * f
-        b = edges[e, 2] * f
-        x[i] = ix - a * dx
-        x[i + _ONE] = iy - a * dy
-        x[i + _TWO] = iz - a * dz
-        x[j] = jx + b * dx
-        x[j + _ONE] = jy + b * dy
-        x[j + _TWO] = jz + b * dz
+    rest, first, second = edges[0], edges[1], edges[2]
+    for e in range(0, fours, 4):
+        at, n = np.uint64(e), np.int64(2 * e)
+        i0, j0 = _end(particles, n), _end(particles, n + 1)
+        i1, j1 = _end(particles, n + 2), _end(particles, n + 3)
+        i2, j2 = _end(particles, n + 4), _end(particles, n + 5)
+        i3, j3 = _end(particles, n + 6), _end(particles, n + 7)
+        a0, b0, a1, b1 = four_at(x, i0), four_at(x, j0), four_at(x, i1), four_at(x, j1)
+        a2, b2, a3, b3 = four_at(x, i2), four_at(x, j2), four_at(x, i3), four_at(x, j3)
+        d0, d1, d2, d3 = a0 - b0, a1 - b1, a2 - b2, a3 - b3
+        f = _quotient(squares(d0, d1, d2, d3), four_at(rest, at))
+        s0, s1, s2, s3 = each_four_times(four_at(first, at) * f)
+        t0, t1, t2, t3 = each_four_times(four_at(second, at) * f)
+        put_four(x, i0, a0 - s0 * d0)
+        put_four(x, j0, b0 + t0 * d0)
+        put_four(x, i1, a1 - s1 * d1)
+        put_four(x, j1, b1 + t1 * d1)
+        put_four(x, i2, a2 - s2 * d2)
+        put_four(x, j2, b2 + t2 * d2)
+        put_four(x, i3, a3 - s3 * d3)
+        put_four(x, j3, b3 + t3 * d3)
+    for e in range(fours, rest.size):
+        i, j = _end(particles, 2 * e), _end(particles, 2 * e + 1)
+        a, b = four_at(x, i), four_at(x, j)
+        d = a - b
+        f = _quotient(squares(d, d, d, d), same_four(rest[e]))
+        put_four(x, i, a - same_four(first[e]) * f * d)
+        put_four(x, j, b + same_four(second[e]) * f * d)
 
 
 @kernel(forceinline=True)
@@ -85,11 +121,11 @@ def solve_edges_apart(x, moved, particles, edges, pull, alone):
         x: Positions before the first pass, flat [m], shape [3 n].
         moved: What edges have moved since, zero before the first pass, changed in place, [3 n].
         particles: Ends, flat, unsigned, shape [2 m].
-        edges: From `prepare_edges`, shape [m, 4].
+        edges: From `prepare_edges`, shape [4, m].
         pull: Multipliers, zero before the first pass, changed in place, shape [m].
         alone: Whether there is one pass only; it needs no multipliers.
     """
-    for e in range(edges.shape[0]):
+    for e in range(edges.shape[1]):
         i = _THREE * np.uint64(particles[2 * e])
         j = _THREE * np.uint64(particles[2 * e + 1])
         ix, iy, iz = moved[i], moved[i + _ONE], moved[i + _TWO]
@@ -97,16 +133,16 @@ def solve_edges_apart(x, moved, particles, edges, pull, alone):
         dx = (x[i] - x[j]) + (ix - jx)
         dy = (x[i + _ONE] - x[j + _ONE]) + (iy - jy)
         dz = (x[i + _TWO] - x[j + _TWO]) + (iz - jz)
-        squared = dx * dx + dy * dy + dz * dz + np.float32(1e-20)
-        rest = edges[e, 0]
+        squared = dx * dx + dy * dy + dz * dz + _TINY
+        rest = edges[0, e]
         over = squared - rest
         f = (over + over) / (rest + np.float32(3.0) * squared)
         if not alone:
             shrink = np.float32(1.0) - f
             f -= pull[e] * shrink
-            pull[e] += edges[e, 3] * f / shrink
-        a = edges[e, 1] * f
-        b = edges[e, 2] * f
+            pull[e] += edges[3, e] * f / shrink
+        a = edges[1, e] * f
+        b = edges[2, e] * f
         moved[i] = ix - a * dx
         moved[i + _ONE] = iy - a * dy
         moved[i + _TWO] = iz - a * dz

@@ -25,6 +25,8 @@ class Particles(NamedTuple):
         v: Velocities, changed in place [m/s], shape [n, 3].
         x_start: Positions before the sub-step [m], shape [n, 3].
         x_predicted: Scratch: positions or ways before constraints [m], shape [n, 3].
+        wide_x: Scratch: positions as fours, flat [m], shape [4 n].
+        wide_v: Scratch: velocities likewise [m/s], shape [4 n].
         x_search: Positions at the last search for contacts [m], shape [n, 3].
         x_coast: Those that they coast to until the next one [m], shape [n, 3].
         x_end: Positions at the end of the last step [m], shape [n, 3].
@@ -39,6 +41,8 @@ class Particles(NamedTuple):
     v: SingleArray
     x_start: SingleArray
     x_predicted: SingleArray
+    wide_x: SingleArray
+    wide_v: SingleArray
     x_search: SingleArray
     x_coast: SingleArray
     x_end: SingleArray

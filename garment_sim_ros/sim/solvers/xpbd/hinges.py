@@ -2,7 +2,10 @@
 
 import numpy as np
 
+from garment_sim_ros.geometry.four import four_at, put_four, same_four
 from garment_sim_ros.jit import kernel
+
+_FOUR = np.uint64(4)
 
 
 @kernel()
@@ -38,27 +41,25 @@ def bend(x, v, particles, hinges, dt):
     step may span several sub-steps of the edges.
 
     Args:
-        x: Positions [m], shape [n, 3].
-        v: Velocities, changed in place [m/s], shape [n, 3].
+        x: Positions, four numbers each of which the last one does not count, flat [m], [4 n].
+        v: Velocities, likewise, changed in place [m/s], shape [4 n].
         particles: Particles of the hinges, shape [h, 4].
         hinges: From `prepare_hinges`, shape [h, 8].
         dt: Step [s].
     """
     for n in range(particles.shape[0]):
-        i = np.uint64(particles[n, 0])
-        j = np.uint64(particles[n, 1])
-        k = np.uint64(particles[n, 2])
-        m = np.uint64(particles[n, 3])
+        i = _FOUR * np.uint64(particles[n, 0])
+        j = _FOUR * np.uint64(particles[n, 1])
+        k = _FOUR * np.uint64(particles[n, 2])
+        m = _FOUR * np.uint64(particles[n, 3])
+        vi, vj, vk, vm = four_at(v, i), four_at(v, j), four_at(v, k), four_at(v, m)
         a = hinges[n]
-        for d in range(3):
-            # Differences of positions first: weights cancel only up to rounding.
-            c = (
-                a[0] * (x[i, d] - x[m, d])
-                + a[1] * (x[j, d] - x[m, d])
-                + a[2] * (x[k, d] - x[m, d])
-                + dt * (a[0] * v[i, d] + a[1] * v[j, d] + a[2] * v[k, d] + a[3] * v[m, d])
-            )
-            v[i, d] -= a[4] * c
-            v[j, d] -= a[5] * c
-            v[k, d] -= a[6] * c
-            v[m, d] -= a[7] * c
+        a0, a1, a2, a3 = same_four(a[0]), same_four(a[1]), same_four(a[2]), same_four(a[3])
+        # Differences of positions first: weights cancel only up to rounding.
+        o = four_at(x, m)
+        bent = a0 * (four_at(x, i) - o) + a1 * (four_at(x, j) - o) + a2 * (four_at(x, k) - o)
+        c = bent + same_four(dt) * (a0 * vi + a1 * vj + a2 * vk + a3 * vm)
+        put_four(v, i, vi - same_four(a[4]) * c)
+        put_four(v, j, vj - same_four(a[5]) * c)
+        put_four(v, k, vk - same_four(a[6]) * c)
+        put_four(v, m, vm - same_four(a[7]) * c)

@@ -1,6 +1,12 @@
 """What a sub-step of `xpbd` does to single particles: outer forces, and what edges moved."""
 
+import numpy as np
+
+from garment_sim_ros.geometry.four import four_at, put_four, put_three, same_four, three_at
 from garment_sim_ros.jit import exact_kernel, kernel
+
+_THREE = np.uint64(3)
+_FOUR = np.uint64(4)
 
 
 @kernel(inner=True)
@@ -14,19 +20,47 @@ def fall(x, v, x_start, x_predicted, push, keep, dt):
 
 
 @kernel(inner=True)
-def share_out(bent, v, pull, share, push):
-    """Velocity that outer forces and bending add in each sub-step; flat arrays [3 n], pull [3]."""
-    for p in range(v.size // 3):
-        for k in range(3):
-            i = 3 * p + k
-            push[i] = pull[k] + (bent[i] - v[i]) * share
+def widen(x, wide):
+    """Writes vectors, flat [3 n], as fours, flat [4 n]; the last number of each is 0."""
+    for p in range(x.size // 3):
+        i = np.uint64(p)
+        put_four(wide, _FOUR * i, three_at(x, _THREE * i))
 
 
 @kernel(inner=True)
-def gain(x, v, x_predicted, rate):
-    """Adds to velocities what constraints moved, over the sub-step; flat arrays [3 n]."""
-    for i in range(v.size):
-        v[i] += (x[i] - x_predicted[i]) * rate
+def share_out(bent, v, pull, share, push):
+    """Velocity that outer forces and bending add in each sub-step.
+
+    Args:
+        bent: Velocities after bending, as fours, flat [m/s], shape [4 n] or more.
+        v: Velocities before, flat [m/s], shape [3 n].
+        pull: What outer forces add [m/s], shape [3].
+        share: Part of what bending adds.
+        push: Output, flat [m/s], shape [3 n].
+    """
+    for p in range(v.size // 3):
+        for k in range(3):
+            push[3 * p + k] = pull[k] + (bent[4 * p + k] - v[3 * p + k]) * share
+
+
+@kernel(inner=True)
+def gain(wide, x, v, x_predicted, rate):
+    """Takes positions over, and adds to velocities what constraints moved, over the sub-step.
+
+    Args:
+        wide: Positions that constraints left, as fours, flat [m], shape [4 n] or more.
+        x: Output, the same, flat [m], shape [3 n].
+        v: Velocities, changed in place, flat [m/s], shape [3 n].
+        x_predicted: Positions before constraints, flat [m], shape [3 n].
+        rate: One over the sub-step [1/s].
+    """
+    per_step = same_four(rate)
+    for p in range(v.size // 3):
+        n = np.uint64(p)
+        i = _THREE * n
+        new = four_at(wide, _FOUR * n)
+        put_three(v, i, three_at(v, i) + (new - three_at(x_predicted, i)) * per_step)
+        put_three(x, i, new)
 
 
 @exact_kernel()

@@ -10,7 +10,8 @@ class Prepared(NamedTuple):
 
     Attributes:
         edge_particles: Ends of the edges, flat, in the order of a pass, shape [2 m].
-        edges: See `solvers.xpbd.edges.prepare_edges`, shape [m, 4].
+        edges: See `solvers.xpbd.edges.prepare_edges`, shape [4, m].
+        fours: So many edges, the first ones, are in fours without a common end.
         pull: Scratch of several passes, shape [m].
         hinge_particles: Particles of the hinges, shape [h, 4].
         hinges: See `solvers.xpbd.hinges.prepare_hinges`, shape [h, 8].
@@ -18,6 +19,7 @@ class Prepared(NamedTuple):
 
     edge_particles: IndexArray
     edges: SingleArray
+    fours: int
     pull: SingleArray
     hinge_particles: IntArray
     hinges: SingleArray

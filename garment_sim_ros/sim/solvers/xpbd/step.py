@@ -132,6 +132,8 @@ def _own(piece: Piece, workspace: XpbdWorkspace) -> tuple[Particles, Elastic, Pl
         v=piece.state.v,
         x_start=workspace.x_start,
         x_predicted=workspace.x_predicted,
+        wide_x=workspace.wide,
+        wide_v=workspace.wide_v,
         x_search=workspace.x_search,
         x_coast=workspace.x_coast,
         x_end=workspace.x_end,

@@ -11,9 +11,11 @@ as they are: pinched cloth, which contact and this move to and fro, would be pum
 
 import numpy as np
 
+from garment_sim_ros.geometry.four import any_above, four_at, same_four, squares, three_at
 from garment_sim_ros.geometry.vectors import along, dot, less, row
 from garment_sim_ros.jit import kernel, lean_kernel
 
+_THREE = np.uint64(3)
 _PASSES = 10
 _CREEP = 2.0
 """Edges that grow more slowly than this are left [1/s]: what contact moves against the limit would
@@ -39,6 +41,41 @@ def _stays(kept, p):
     return p >= kept.size or kept[p] >= 0
 
 
+@lean_kernel(inner=True)
+def _span(x, particles, n):
+    """From the second end of edge n to the first; flat arrays."""
+    i = _THREE * np.uint64(particles[2 * n])
+    j = _THREE * np.uint64(particles[2 * n + 1])
+    return three_at(x, i) - three_at(x, j)
+
+
+@lean_kernel(inner=True)
+def _draw_together(own, ready, planes, kept, e, most, grown):
+    """Draws the ends of edge e together if it is longer than `most`, squared, and has grown.
+
+    Returns:
+        Whether it was.
+    """
+    particles, edges = ready.edge_particles, ready.edges
+    i, j = np.int64(particles[2 * e]), np.int64(particles[2 * e + 1])
+    d = less(row(own.x, i), row(own.x, j))
+    squared = dot(d, d)
+    if not squared > most * edges[0, e]:
+        return False
+    if _stays(kept, i) or _stays(kept, j):
+        return False
+    both = edges[1, e] + edges[2, e]
+    before = less(row(own.x_search, i), row(own.x_search, j))
+    longest = max(most * edges[0, e], grown * grown * dot(before, before))
+    if not (both > np.float32(0.0) and squared > longest):
+        return False
+    share = (np.float32(1.0) - np.sqrt(longest / squared)) / both
+    a, b = -share * edges[1, e], share * edges[2, e]
+    _draw(own, planes, i, (a * d[0], a * d[1], a * d[2]))
+    _draw(own, planes, j, (b * d[0], b * d[1], b * d[2]))
+    return True
+
+
 @kernel(forceinline=True)
 def limit_strain(own, ready, planes, kept, limit, time):
     """Draws the ends of edges together that are too long and have grown.
@@ -52,28 +89,20 @@ def limit_strain(own, ready, planes, kept, limit, time):
         limit: Strain that edges do not grow beyond.
         time: Since the last search [s].
     """
-    most = np.float32(1.0) + limit
+    most = (np.float32(1.0) + limit) * (np.float32(1.0) + limit)
     grown = np.float32(1.0) + np.float32(_CREEP) * time
-    particles, edges = ready.edge_particles, ready.edges
+    x, particles, rest = own.x.reshape(-1), ready.edge_particles, ready.edges[0]
     for _ in range(_PASSES):
         found = False
-        for e in range(edges.shape[0]):
-            i, j = np.int64(particles[2 * e]), np.int64(particles[2 * e + 1])
-            d = less(row(own.x, i), row(own.x, j))
-            squared = dot(d, d)
-            if not squared > most * most * edges[e, 0]:
-                continue
-            if _stays(kept, i) or _stays(kept, j):
-                continue
-            both = edges[e, 1] + edges[e, 2]
-            before = less(row(own.x_search, i), row(own.x_search, j))
-            longest = max(most * most * edges[e, 0], grown * grown * dot(before, before))
-            if not (both > np.float32(0.0) and squared > longest):
-                continue
-            found = True
-            share = (np.float32(1.0) - np.sqrt(longest / squared)) / both
-            a, b = -share * edges[e, 1], share * edges[e, 2]
-            _draw(own, planes, i, (a * d[0], a * d[1], a * d[2]))
-            _draw(own, planes, j, (b * d[0], b * d[1], b * d[2]))
+        for e in range(0, rest.size, 4):
+            if e < ready.fours:
+                a, b = _span(x, particles, e), _span(x, particles, e + 1)
+                c, d = _span(x, particles, e + 2), _span(x, particles, e + 3)
+                longest = same_four(most) * four_at(rest, np.uint64(e))
+                if not any_above(squares(a, b, c, d), longest):
+                    continue
+            for k in range(e, min(e + 4, rest.size)):
+                drawn = _draw_together(own, ready, planes, kept, k, most, grown)
+                found = found or drawn
         if not found:
             break

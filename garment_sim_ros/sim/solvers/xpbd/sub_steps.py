@@ -16,7 +16,7 @@ from garment_sim_ros.sim.motion import glide, move_pins
 from garment_sim_ros.sim.solvers.xpbd.coarse_kernels import pull_cells
 from garment_sim_ros.sim.solvers.xpbd.edges import solve_edges, solve_edges_apart
 from garment_sim_ros.sim.solvers.xpbd.hinges import bend
-from garment_sim_ros.sim.solvers.xpbd.motion import arrive, coast, fall, gain, share_out
+from garment_sim_ros.sim.solvers.xpbd.motion import arrive, coast, fall, gain, share_out, widen
 from garment_sim_ros.sim.solvers.xpbd.planes import (
     follow_shapes,
     remember_planes,
@@ -75,11 +75,12 @@ def _bend(own, ready, rule):
     cloth quiver against its edges.
     """
     loose, every = 3 * rule.free, rule.bend_every
-    copy(own.v, own.x_predicted)
+    widen(own.x.reshape(-1), own.wide_x)
+    widen(own.v.reshape(-1), own.wide_v)
     between = rule.dt * np.float32(every)
-    bend(own.x, own.x_predicted, ready.hinge_particles, ready.hinges, between)
+    bend(own.wide_x, own.wide_v, ready.hinge_particles, ready.hinges, between)
     share_out(
-        own.x_predicted.reshape(-1)[:loose],
+        own.wide_v,
         own.v.reshape(-1)[:loose],
         rule.pull,
         np.float32(1.0 / every),
@@ -111,8 +112,9 @@ def _stretch(own, ready, rule, moved):
     x, v = own.x.reshape(-1), own.v.reshape(-1)[:loose]
     rate = np.float32(1.0) / dt
     if own.flags[_FAST]:
-        solve_edges(x, ready.edge_particles, ready.edges)
-        gain(x[:loose], v, moved[:loose], rate)
+        widen(x, own.wide_x)
+        solve_edges(own.wide_x, ready.edge_particles, ready.edges, ready.fours)
+        gain(own.wide_x, x[:loose], v, moved[:loose], rate)
         return
     ready.pull[:] = np.float32(0.0)
     alone = rule.iterations == 1

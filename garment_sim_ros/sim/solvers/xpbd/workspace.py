@@ -19,7 +19,7 @@ from garment_sim_ros.sim.solvers.xpbd.coarse import (
 from garment_sim_ros.sim.solvers.xpbd.edges import prepare_edges
 from garment_sim_ros.sim.solvers.xpbd.given import Given
 from garment_sim_ros.sim.solvers.xpbd.hinges import prepare_hinges
-from garment_sim_ros.sim.solvers.xpbd.order import inward_order
+from garment_sim_ros.sim.solvers.xpbd.order import in_fours, inward_order
 from garment_sim_ros.sim.solvers.xpbd.prepared import Prepared
 from garment_sim_ros.sim.state import Workspace
 
@@ -50,6 +50,7 @@ class XpbdWorkspace(Workspace):
         place: Points of the planes in which particles touch shapes [m], shape [free, 3].
         shift: How far those move in a sub-step [m], shape [free, 3].
         x_end: Positions at the end of the last step [m], shape [n, 3].
+        wide_v: Scratch: velocities as fours, flat [m/s], shape [4 n].
         low: What these are short of by rounding [m], shape [3 free].
         push_all: Velocity that outer forces and bending add in a sub-step [m/s], shape [3 free].
         x_search: Positions at the last search for contacts [m], shape [n, 3].
@@ -75,6 +76,7 @@ class XpbdWorkspace(Workspace):
     place: SingleArray
     shift: SingleArray
     x_end: SingleArray
+    wide_v: SingleArray
     low: SingleArray
     push_all: SingleArray
     x_search: SingleArray
@@ -92,11 +94,14 @@ class XpbdWorkspace(Workspace):
         springs = model.springs
         edges = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
         edges = edges[inward_order(edges, triangles, model.free_count)]
+        order, fours = in_fours(edges)
+        edges = edges[order]
         rest, weight = model.rest, model.inverse_mass
         bending = hinges(rest, triangles, model.material, model.corners)
         used = np.flatnonzero(
             (weight[bending.particles].sum(axis=1) > 0.0) & (bending.stiffness > 0.0)
         )
+        used = used[in_fours(bending.particles[used])[0]]
         m, h = len(edges), len(used)
         lightness = (weight[bending.particles[used]] * bending.weight[used] ** 2).sum(axis=1)
         rest_squared = edge_lengths(model.corners, triangles, edges) ** 2
@@ -110,7 +115,8 @@ class XpbdWorkspace(Workspace):
             hinge_rate=np.sqrt(bending.stiffness[used] * lightness),
             prepared=Prepared(
                 edge_particles=np.ascontiguousarray(edges.ravel(), np.uint32),
-                edges=np.zeros((m, 4), np.float32),
+                edges=np.zeros((4, m), np.float32),
+                fours=fours,
                 pull=np.zeros(m, np.float32),
                 hinge_particles=np.ascontiguousarray(bending.particles[used]),
                 hinges=np.zeros((h, 8), np.float32),
@@ -122,6 +128,7 @@ class XpbdWorkspace(Workspace):
             place=np.zeros((model.free_count, 3), np.float32),
             shift=np.zeros((model.free_count, 3), np.float32),
             x_end=np.full((len(model), 3), np.nan, np.float32),
+            wide_v=np.zeros(4 * len(model), np.float32),
             low=np.zeros(3 * model.free_count, np.float32),
             push_all=np.zeros(3 * model.free_count, np.float32),
             x_search=np.zeros((len(model), 3), np.float32),
