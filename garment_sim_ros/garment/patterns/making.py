@@ -15,8 +15,9 @@ from garment_sim_ros.colliders.fit_cache import cached_fit
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError, ParameterError
-from garment_sim_ros.garment.dressing import NONE, dressed
+from garment_sim_ros.garment.dressing import dressed
 from garment_sim_ros.garment.garment import Garment
+from garment_sim_ros.garment.holds import NONE
 from garment_sim_ros.garment.materials import PRESETS
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh_data import GarmentMesh
@@ -130,13 +131,14 @@ class Model:
         self.poses: ColliderPoses = ColliderPoser(colliders, body).poses(T)
         self.distance = MeshDistance(self.skin, body.skin.triangles)
 
-    def for_legs(self) -> "Model":
-        """The same to sew what has legs on: a body without bones, its legs parted."""
+    def for_legs(self, material: Material) -> "Model":
+        """The same to sew what has legs on, of a fabric: a body without bones, its legs parted."""
         if self.measures is not None:
             return self
         tape = self.tape()
         crotch, mid = tape.floor + tape.crotch, float(tape.waist.centre[1])
-        return Model(self.body, parted(self.colliders, self.poses, crotch, mid))
+        room = max(self.colliders.thickness, material.thickness)
+        return Model(self.body, parted(self.colliders, self.poses, crotch, mid, room))
 
     def tape(self) -> Tape:
         """Its measurements.
@@ -255,7 +257,7 @@ def make(
     pieces = cut(pattern, edge_length)
     tell("cutting", 1.0)
     if any(e.label in _OF_LEGS for p in pattern.panels.values() for e in p.edges):
-        model = model.for_legs()
+        model = model.for_legs(PRESETS[fabric].material)
     pieces, placed = placed_clear(pieces, model.distance, model.body.name)
     sewn = sew(pieces, placed, model, PRESETS[fabric].material, tell=tell)
     if not np.isfinite(sewn.vertices).all():

@@ -103,7 +103,7 @@ def _correct(piece: Piece, step: Step) -> None:
     correct_springs(
         state.x.reshape(-1),
         springs.particles,
-        springs.rest_length,
+        springs.drawn_length,
         springs.share,
         step.params.settings.sweeps,
     )
