@@ -141,7 +141,8 @@ def _place(key: str, known: Mapping[str, Any], allowed: str) -> Place:
         found = " and ".join(told) or "none"
         raise ParameterError(key, f"where it is: found {found}", f"allowed: {allowed}")
     way = told[0]
-    return Place(**{way: _READERS[way](key, known[way], allowed)})
+    values: dict[str, Any] = {way: _READERS[way](key, known[way], allowed)}
+    return Place(**values)
 
 
 def _rule(key: str, value: object, _allowed: str) -> str:

@@ -48,7 +48,7 @@ def listed_pins(
     pins: list[int] = []
     pin_frame: list[int] = []
     springs: list[tuple[float, float]] = []
-    marks = {}
+    marks: dict[str, IntArray] = {}
     for attachment in attachments:
         joint = measures.body.humanoid.get(attachment.bone, attachment.bone)
         owner = int(bones.owner[measures.body.rig.index(joint)])
@@ -92,7 +92,8 @@ def listed_bands(
     if not bands:
         return None, {}
     edges = edge_table(mesh.triangles)[0]
-    found, tension, slack, marks = [], [], [], {}
+    found, tension, slack = [], [], []
+    marks: dict[str, IntArray] = {}
     for band in bands:
         what = f"garment {name!r}: elastic band {band.title!r}"
         vertices = vertices_at(band.place, mesh, measures, upper, what)

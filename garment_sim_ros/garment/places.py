@@ -114,13 +114,14 @@ def _by_rule(
 def _on_sides(rule: str, mesh: GarmentMesh, measures: Measures) -> list[IntArray]:
     """Cuffs, or the hem."""
     mid = 0.5 * float(measures.vertices[:, 1].min() + measures.vertices[:, 1].max())
-    left, right, across = [], [], []
+    left: list[IntArray] = []
+    right: list[IntArray] = []
+    across: list[IntArray] = []
     for loop in loops_from_above(mesh):
         y = mesh.vertices[loop, 1] - mid
         (left if y.min() > 0.0 else right if y.max() < 0.0 else across).append(loop)
     if rule == "hem":
-        return across[-1:] if len(across) > 1 or (across and not left and not right) else []
-    # What has legs and is open at the sides has its lowest edges there; a sleeve has one.
+        return across[-1:] if len(across) > 1 else []  # the other one is the waist or the neck
     sides = {"left_cuff": left, "right_cuff": right, "cuffs": [*left, *right]}
     return sides[rule]
 
