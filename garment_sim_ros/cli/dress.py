@@ -95,7 +95,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         if not args.no_preview:
             sheets = [dressed_picture(*_drawn(made, model))] if made else []
             sheets += _held(model, stage / args.out.name)
-            _save(stacked(sheets), picture, stage, "--preview")
+            if sheets:
+                _save(stacked(sheets), picture, stage, "--preview")
         if made and args.steps:
             _save(steps_picture(*_drawn(made, model)), args.steps, stage, "--steps")
     failed = {n: g["failed"] for n, g in figures.items() if g["failed"]}
