@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         help=(
             f"{', '.join(f'{n}: {d.text}' for n, d in DRAFTS.items())}; a GarmentCode pattern "
-            "(.json); or a mesh (.obj, .ply, .glb); may be given again, inner garments first"
+            "(.json); or a mesh (.obj, .ply, .glb); may be given again, in any order"
         ),
     )
     parser.add_argument("--out", metavar="F.yaml", type=Path, required=True, help="the outfit")

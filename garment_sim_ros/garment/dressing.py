@@ -92,12 +92,6 @@ def dressed(
             f"garment {name!r} has tethers but nothing that they could hang from; allowed: with "
             "attachments that are not soft"
         )
-    soft = SoftAttachments(
-        vertices=pins[~rigid],
-        frame=pin_frame[~rigid],
-        stiffness=spring[~rigid, 0],
-        damping=spring[~rigid, 1],
-    )
     limits = dict(holds.skin_limits)
     if limited:
         usual = VertexDistance(distance=_MAX_DISTANCE * measures.unit)
@@ -117,7 +111,7 @@ def dressed(
         skin_limits={
             key: _per_vertex(name, len(mesh.vertices), entries) for key, entries in limits.items()
         },
-        soft=None if rigid.all() else soft,
+        soft=_soft(pins, pin_frame, spring),
         tethers=holds.tethers,
         T_world_bone_rest=_bones_at_rest(measures),
         flat=mesh.flat,
@@ -125,6 +119,19 @@ def dressed(
         marks={**marks, **banded},
     )
     return garment, notes
+
+
+def _soft(pins: IntArray, frame: IntArray, spring: FloatArray) -> SoftAttachments | None:
+    """Those of the attached vertices that springs hold; None without any."""
+    soft = np.isfinite(spring[:, 0])
+    if not soft.any():
+        return None
+    return SoftAttachments(
+        vertices=pins[soft],
+        frame=frame[soft],
+        stiffness=spring[soft, 0],
+        damping=spring[soft, 1],
+    )
 
 
 def _attached(

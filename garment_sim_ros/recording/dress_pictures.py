@@ -38,7 +38,7 @@ def dressed_picture(
     """Garments on their body: front, side, back, strain; below, their flat pieces.
 
     Args:
-        made: The garments, inner ones first.
+        made: The garments.
         colours: A colour for each.
         skin: The body's skin [m], shape [v, 3].
         skin_triangles: Shape [t, 3].

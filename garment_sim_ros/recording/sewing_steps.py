@@ -33,7 +33,7 @@ def steps_picture(
     """Garments as flat pieces, as they are placed around a body, and sewn on it.
 
     Args:
-        made: The garments, inner ones first.
+        made: The garments.
         colours: A colour for each.
         skin: The body's skin [m], shape [v, 3].
         skin_triangles: Shape [t, 3].

@@ -278,24 +278,19 @@ def _measured(sewn: Sewn, model: Model) -> Gates:
 def worn_together(made: Mapping[str, Made], model: Model) -> dict[str, Made]:
     """Garments that were sewn one by one, as they hang over each other.
 
-    They are put on as an outfit is, in the layers that they lie in, and come to rest.
+    They are put on as an outfit is, in the layers that they lie in, and come to rest: a shirt, which
+    is wide at its hem, hangs over a skirt, whichever was sewn first.
 
     Args:
-        made: The garments by name, inner ones first.
+        made: The garments by name.
         model: The body, of which the bones are known.
 
     Raises:
         GeometryError: The body lacks bones that an outfit needs.
     """
     entries = [
-        {
-            "name": name,
-            "mesh": "sewn",
-            "material": m.fabric,
-            "layer": k,
-            "self_collision": True,
-        }
-        for k, (name, m) in enumerate(made.items())
+        {"name": name, "mesh": "sewn", "material": m.fabric, "self_collision": True}
+        for name, m in made.items()
     ]
     outfit = make_outfit(
         outfit_from({"version": 1, "garments": entries}),
