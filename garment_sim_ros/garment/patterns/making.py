@@ -278,8 +278,8 @@ def _measured(sewn: Sewn, model: Model) -> Gates:
 def worn_together(made: Mapping[str, Made], model: Model) -> dict[str, Made]:
     """Garments that were sewn one by one, as they hang over each other.
 
-    They are put on as an outfit is, in the layers that they lie in, and come to rest: a shirt, which
-    is wide at its hem, hangs over a skirt, whichever was sewn first.
+    They are put on as an outfit is, in the layers that they lie in, and come to rest: a shirt,
+    which is wide at its hem, hangs over a skirt, whichever was sewn first.
 
     Args:
         made: The garments by name.
