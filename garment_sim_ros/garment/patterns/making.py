@@ -15,9 +15,7 @@ from garment_sim_ros.colliders.fit_cache import cached_fit
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError, ParameterError
-from garment_sim_ros.garment.dressing import dressed
 from garment_sim_ros.garment.garment import Garment
-from garment_sim_ros.garment.holds import NONE
 from garment_sim_ros.garment.materials import PRESETS
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh_data import GarmentMesh
@@ -149,11 +147,11 @@ class Model:
         return measured(self.skin, self.body.skin.triangles, self.body.name)
 
     def garment(self, vertices: FloatArray, triangles: IntArray, material: Material) -> Garment:
-        """A surface around it, following its bones where it has some that are known."""
-        mesh = GarmentMesh(vertices=vertices, triangles=triangles)
-        if self.measures is not None:
-            made, _ = dressed("sewn", mesh, self.measures, material, NONE)
-            return replace(made, vertices=vertices, triangles=triangles, skin_limits={})
+        """A surface around it.
+
+        The body stands still, so all of it is under the cloth: following one bone, no shape is
+        opposed to any (`sim.sides`), as forearms would be to folds over a bent elbow.
+        """
         bone = self.colliders.colliders[0].bone
         return Garment(
             name="sewn",
