@@ -2,6 +2,7 @@
 
 import json
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from garment_sim_ros.garment.mesh import load_garment_mesh
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.garment.outfit_file import outfit_from
 from garment_sim_ros.geometry.topology import boundary_loops
+from garment_sim_ros.recording.outfit_pictures import outfit_picture
 
 
 @pytest.fixture(scope="module")
@@ -219,3 +221,24 @@ def test_only_numbers_depend_on_the_order_of_the_file():
     assert not holds_of({"elastic": [{"loop": 1, "tension": 1}]}).elastic[0].place.by_number
     with pytest.raises(ParameterError, match="a vertex is not a whole number"):
         holds_of({"elastic": [{"vertices": [1.5], "tension": 1}]})
+
+
+def test_a_picture_names_and_shows_what_holds_a_garment(tmp_path, body):
+    skirt = made(
+        tmp_path,
+        body,
+        "    attachments: [{bone: hips, rule: waist, name: belt}]\n"
+        "    elastic: [{rule: hem, tension: 2}]\n",
+    )
+    triangles = body.skin.triangles
+    picture = outfit_picture([skirt], body.skin.vertices, triangles)
+    bare = outfit_picture([replace(skirt, marks={})], body.skin.vertices, triangles)
+    # Dots of a second colour, and a second line of the legend.
+    assert picture.height > bare.height
+    height = min(picture.height, bare.height) - 40
+    shown, none = (np.asarray(p)[:height].astype(int) for p in (picture, bare))
+    changed = np.abs(shown - none).max(axis=2) > 40
+    half = changed.shape[0] // 2
+    assert changed[:half].sum() > 100
+    assert changed[half:].sum() > 100
+    assert changed.mean() < 0.05
