@@ -68,7 +68,7 @@ def _shirt(name: str, tape: Tape, sleeve: float) -> Pattern:
     width = max(arm.upper for arm in tape.arms) + _ARM_EASE * u
     # As deep an armhole as the crown is long.
     for below in np.linspace(*_BELOW_ARMPIT, 11) * u:
-        size = _split(tape, trunk_sizes(tape, below=below))
+        size = _fitted(tape, trunk_sizes(tape, below=below))
         x_front, x_back = front_and_back(tape, size["front"].hem[0], size["front"].neck[0])
         front = trunk_panel("front", size["front"], facing(tape, 1.0, x_front))
         back = trunk_panel("back", size["back"], facing(tape, -1.0, x_back))
@@ -113,7 +113,7 @@ def trunk_sizes(
     return {"front": front, "back": replace(front, neck_depth=0.02 * u, hollow=0.004 * u)}
 
 
-def _split(tape: Tape, sizes: dict[str, Trunk]) -> dict[str, Trunk]:
+def _fitted(tape: Tape, sizes: dict[str, Trunk]) -> dict[str, Trunk]:
     """The same sizes, with as much of the girth in front as the body has there.
 
     Side seams hang straight below the shoulders, and more than half of a chest lies before these.
