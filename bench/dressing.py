@@ -17,7 +17,7 @@ from garment_sim_ros.errors import GarmentSimError
 from garment_sim_ros.garment.colours import garment_colour
 from garment_sim_ros.garment.patterns.gates import LIMITS
 from garment_sim_ros.garment.patterns.making import DRAFTS, Model, make
-from garment_sim_ros.recording.dress_pictures import draw_dressed
+from garment_sim_ros.recording.dress_pictures import dressed_picture
 
 BODIES = (
     "mannequin",
@@ -68,7 +68,8 @@ def _made(source: str, garment: str, model: Model, pictures: Path | None) -> lis
         name = re.sub(r"[^a-zA-Z0-9.]+", "_", f"{source}_{garment}")
         pictures.mkdir(parents=True, exist_ok=True)
         triangles = model.body.skin.triangles
-        draw_dressed([made], [garment_colour(0)], model.skin, triangles, pictures / f"{name}.png")
+        picture = dressed_picture([made], [garment_colour(0)], model.skin, triangles)
+        picture.save(pictures / f"{name}.png")
     count = f"{len(made.sewn.vertices)} / {len(made.sewn.triangles)}"
     figures = [f"{value:.3g}" for value in made.gates.figures.values()]
     beyond = ", ".join(made.gates.failed)

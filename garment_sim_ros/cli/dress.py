@@ -2,12 +2,12 @@
 
 import argparse
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+from PIL import Image
 
 from garment_sim_ros.avatar import Avatar
 from garment_sim_ros.body.loaders.load import load_body
@@ -17,10 +17,12 @@ from garment_sim_ros.errors import GeometryError, ParameterError
 from garment_sim_ros.garment.colours import garment_colour
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.materials import PRESETS
+from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.garment.patterns.making import DRAFTS, Made, Model, make, worn_together
 from garment_sim_ros.input_file import is_file
-from garment_sim_ros.recording.dress_pictures import draw_dressed
-from garment_sim_ros.recording.sewing_steps import draw_steps
+from garment_sim_ros.recording.dress_pictures import dressed_picture, stacked
+from garment_sim_ros.recording.outfit_pictures import outfit_picture
+from garment_sim_ros.recording.sewing_steps import steps_picture
 
 EXAMPLE = "garment-sim dress --body mannequin --garment tshirt --out tshirt.yaml"
 
@@ -39,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         help=(
             f"{', '.join(f'{n}: {d.text}' for n, d in DRAFTS.items())}; a GarmentCode pattern "
-            "(.json); or a mesh (.obj, .ply, .glb); may be given again, inner garments first"
+            "(.json); or a mesh (.obj, .ply, .glb); may be given again, in any order"
         ),
     )
     parser.add_argument("--out", metavar="F.yaml", type=Path, required=True, help="the outfit")
@@ -89,11 +91,14 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             entries.append(entry)
         text = yaml.safe_dump({"version": 1, "garments": entries}, sort_keys=False)
         (stage / args.out.name).write_text(text, encoding="utf-8")
-        if made and not args.no_preview:
-            picture = args.preview or args.out.with_suffix(".png")
-            _draw(draw_dressed, model, made, picture, stage, "--preview")
+        picture = args.preview or args.out.with_suffix(".png")
+        if not args.no_preview:
+            sheets = [dressed_picture(*_drawn(made, model))] if made else []
+            sheets += _held(model, stage / args.out.name)
+            if sheets:
+                _save(stacked(sheets), picture, stage, "--preview")
         if made and args.steps:
-            _draw(draw_steps, model, made, args.steps, stage, "--steps")
+            _save(steps_picture(*_drawn(made, model)), args.steps, stage, "--steps")
     failed = {n: g["failed"] for n, g in figures.items() if g["failed"]}
     print(f"{args.out}: {', '.join(names)}")
     for name, gates in failed.items():
@@ -129,21 +134,27 @@ def _figures(name: str, made: Made) -> dict[str, Any]:
     }
 
 
-def _draw(
-    draw: Callable[..., None],
-    model: Model,
-    made: dict[str, Made],
-    picture: Path,
-    stage: Path,
-    option: str,
-) -> None:
-    """Draws a picture, beside the outfit or elsewhere."""
+def _drawn(made: dict[str, Made], model: Model) -> tuple[Any, ...]:
+    """What pictures of garments that were sewn show."""
     colours = [garment_colour(k) for k in range(len(made))]
-    drawn = stage / picture.name
-    draw([*made.values()], colours, model.skin, model.body.skin.triangles, drawn)
-    if picture.parent.resolve() != stage.parent.resolve():
-        with staged(picture.parent, option) as other:
-            drawn.replace(other / picture.name)
+    return [*made.values()], colours, model.skin, model.body.skin.triangles
+
+
+def _held(model: Model, outfit: Path) -> list[Image.Image]:
+    """A picture of what holds the outfit; none on a body without bones, where nothing does."""
+    if model.measures is None:
+        return []
+    garments = load_outfit(outfit, model.body).garments
+    return [outfit_picture(garments, model.skin, model.body.skin.triangles)]
+
+
+def _save(picture: Image.Image, path: Path, stage: Path, option: str) -> None:
+    """Saves a picture, beside the outfit or elsewhere."""
+    if path.parent.resolve() == stage.parent.resolve():
+        picture.save(stage / path.name)
+        return
+    with staged(path.parent, option) as other:
+        picture.save(other / path.name)
 
 
 def _fit_mesh(

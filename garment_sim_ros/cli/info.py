@@ -1,12 +1,15 @@
 """`info`: what would be modelled for an avatar and its outfit, and why."""
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.missing_bones import missing_bones_of
 from garment_sim_ros.cli.preset_options import add_preset_options
+from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.colliders.fitting import fit_colliders
+from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, read_outfit
 from garment_sim_ros.params import (
@@ -16,6 +19,7 @@ from garment_sim_ros.params import (
     validated,
 )
 from garment_sim_ros.presets import Choice, chosen
+from garment_sim_ros.recording.outfit_pictures import outfit_picture
 from garment_sim_ros.sim.account import account, in_words
 from garment_sim_ros.sim.auto.own_front import own_levels
 from garment_sim_ros.sim.simulation import Simulation
@@ -32,6 +36,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--outfit", metavar="F", default=DEFAULT_OUTFIT, help=f"default: {DEFAULT_OUTFIT}")
     add_preset_options(parser)
     add("--solver", choices=tuple(SOLVERS), help="default: the preset's")
+    add(
+        "--preview",
+        metavar="F.png",
+        type=Path,
+        help="draw the outfit as it is put on, and what holds it, by name",
+    )
     add("--solver-step", metavar="S", type=float, help="[s]; default: the preset's or solver's")
 
 
@@ -64,6 +74,12 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             "levels": {level.name: round(level.cost, 3) for level in own.levels},
             "costs": own.told,
         }
+    if args.preview is not None:
+        measures = Measures(body)
+        measures = measures.with_arms_away() if measures.has_arms else measures
+        with staged(args.preview.parent, "--preview") as stage:
+            picture = outfit_picture(outfit.garments, measures.vertices, body.skin.triangles)
+            picture.save(stage / args.preview.name)
     for line in (*outfit.notes, *in_words(told)):
         print(line)
     if "front" in told:

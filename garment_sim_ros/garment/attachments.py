@@ -15,6 +15,7 @@ from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import boundary_loops, vertex_normals
+from garment_sim_ros.geometry.triangles import barycentric
 
 FRAMES_PER_VERTEX = 4
 
@@ -69,7 +70,7 @@ def bind(measures: Measures, mesh: GarmentMesh, covered: IntArray) -> Binding:
     distance = MeshDistance(measures.vertices, covered)
     _, closest, triangle = distance.signed_distance(mesh.vertices)
     corners = covered[triangle]
-    share = _barycentric(measures.vertices[corners], closest)
+    share = barycentric(measures.vertices[corners], closest)
     weights = np.einsum("vk,vkm->vm", share, bone_weights(body.skin, bones)[corners])
 
     neighbours = adjacency(mesh.triangles, len(mesh.vertices))
@@ -224,17 +225,3 @@ def sleeve_pins(measures: Measures, mesh: GarmentMesh, side: str) -> IntArray:
         target = place + radius * out / max(float(np.linalg.norm(out)), 1e-12)
         pins.add(int(near[np.argmin(np.linalg.norm(mesh.vertices[near] - target, axis=1))]))
     return np.array(sorted(pins), np.int32)
-
-
-def _barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
-    """Barycentric coordinates of points [n, 3] on triangles [n, 3, 3], clipped and normalised."""
-    a, b, c = np.moveaxis(corners, 1, 0)
-    normal = np.cross(b - a, c - a)
-    squared = np.maximum(np.einsum("ni,ni->n", normal, normal), 1e-300)
-    parts = [
-        np.einsum("ni,ni->n", np.cross(q - p, points - p), normal) / squared
-        for p, q in ((b, c), (c, a), (a, b))
-    ]
-    share = np.clip(np.stack(parts, axis=1), 0.0, 1.0)
-    total = share.sum(axis=1, keepdims=True)
-    return np.where(total > 0.0, share / np.where(total > 0.0, total, 1.0), 1.0 / 3.0)

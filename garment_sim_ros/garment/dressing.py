@@ -1,7 +1,7 @@
 """From a garment's mesh and a body to a garment ready to be simulated."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +17,17 @@ from garment_sim_ros.garment.attachments import (
     waist_pins,
 )
 from garment_sim_ros.garment.garment import Garment, without_bones
+from garment_sim_ros.garment.holds import (
+    ARMS,
+    AUTOMATIC,
+    NONE,
+    Attachment,
+    Holds,
+    Place,
+    VertexDistance,
+)
 from garment_sim_ros.garment.letting_out import let_out
+from garment_sim_ros.garment.listed_holds import listed_bands, listed_pins
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
@@ -25,64 +35,10 @@ from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.placement import SoftAttachments
 
-AUTOMATIC = "auto"
-ARMS = "arms"
-NONE = "none"
-
 _OFF_THE_BODY = 0.3  # median distance to the skin from which a garment is not on it [m]
 _DEEPEST = 0.03  # vertices deeper under the skin than this are not a fit of millimetres [m]
 _MAX_DISTANCE = 0.1  # how far a shirt may get from where it was put on [m]
 _CLEARANCE = 0.002  # where vertices under the skin are put [m]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Attachment:
-    """Vertices that follow one bone.
-
-    Attributes:
-        bone: Joint name, or humanoid bone name.
-        vertices: Vertex indices in the garment's order.
-        stiffness: Of the spring that holds each [N/m]; infinite: rigid; None: as the garment's.
-        damping: Of that spring [N s/m]; None: as the garment's.
-    """
-
-    bone: str
-    vertices: tuple[int, ...]
-    stiffness: float | None = None
-    damping: float | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class VertexDistance:
-    """A distance that some vertices may be away.
-
-    Attributes:
-        distance: The distance [m].
-        vertices: Vertex indices in the garment's order; None: all.
-    """
-
-    distance: float
-    vertices: tuple[int, ...] | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Holds:
-    """What holds a garment beside its pins.
-
-    Attributes:
-        skin_limits: Limits of how vertices lie to their places as skin, by the names in
-            `sim.holds.skin_limits`, later entries first. What hangs from the shoulders has a
-            ``max_distance`` of a tenth of a metre, on a person of 1.65 m, where none is given.
-        tethers: Part of its way over the cloth that a vertex may be farther from its pins; None:
-            no tethers.
-        stiffness: Of the springs of attachments that name none [N/m]; infinite: they are pins.
-        damping: Likewise [N s/m].
-    """
-
-    skin_limits: Mapping[str, tuple[VertexDistance, ...]] = field(default_factory=dict)
-    tethers: float | None = None
-    stiffness: float = np.inf
-    damping: float = 0.0
 
 
 def dressed(
@@ -123,22 +79,19 @@ def dressed(
     limited = upper and attachments != ARMS
     if upper and attachments == ARMS:
         pinned = arm_pins(measures, mesh, cut, binding)
-        attachments = [Attachment(bone=b, vertices=(*p.tolist(),)) for b, p in pinned.items()]
-    pins, pin_frame, spring, binding = _attached(
+        attachments = [
+            Attachment(bone=b, place=Place(vertices=(*p.tolist(),))) for b, p in pinned.items()
+        ]
+    pins, pin_frame, spring, binding, marks = _attached(
         name, mesh, measures, binding, attachments, holds, cut if upper else None
     )
+    elastic, banded = listed_bands(name, mesh, measures, holds.elastic, upper)
     rigid = np.isinf(spring[:, 0])
     if holds.tethers is not None and not rigid.any():
         raise GeometryError(
             f"garment {name!r} has tethers but nothing that they could hang from; allowed: with "
             "attachments that are not soft"
         )
-    soft = SoftAttachments(
-        vertices=pins[~rigid],
-        frame=pin_frame[~rigid],
-        stiffness=spring[~rigid, 0],
-        damping=spring[~rigid, 1],
-    )
     limits = dict(holds.skin_limits)
     if limited:
         usual = VertexDistance(distance=_MAX_DISTANCE * measures.unit)
@@ -158,12 +111,27 @@ def dressed(
         skin_limits={
             key: _per_vertex(name, len(mesh.vertices), entries) for key, entries in limits.items()
         },
-        soft=None if rigid.all() else soft,
+        soft=_soft(pins, pin_frame, spring),
         tethers=holds.tethers,
         T_world_bone_rest=_bones_at_rest(measures),
         flat=mesh.flat,
+        elastic=elastic,
+        marks={**marks, **banded},
     )
     return garment, notes
+
+
+def _soft(pins: IntArray, frame: IntArray, spring: FloatArray) -> SoftAttachments | None:
+    """Those of the attached vertices that springs hold; None without any."""
+    soft = np.isfinite(spring[:, 0])
+    if not soft.any():
+        return None
+    return SoftAttachments(
+        vertices=pins[soft],
+        frame=frame[soft],
+        stiffness=spring[soft, 0],
+        damping=spring[soft, 1],
+    )
 
 
 def _attached(
@@ -174,8 +142,8 @@ def _attached(
     attachments: str | Sequence[Attachment],
     holds: Holds,
     cut: GarmentMesh | None,
-) -> tuple[IntArray, IntArray, FloatArray, Binding]:
-    """Attached vertices, their frames and springs, and the binding with the frames they need.
+) -> tuple[IntArray, IntArray, FloatArray, Binding, dict[str, IntArray]]:
+    """Attached vertices, their frames and springs, the binding with these frames, their names.
 
     Of what hangs from the shoulders `cut` is the mesh before it was let out; None of others.
 
@@ -183,15 +151,20 @@ def _attached(
         GeometryError: An attachment that does not exist.
     """
     if not isinstance(attachments, str):
-        pins, frame, binding = _listed_pins(name, mesh, measures, binding, attachments)
-        return pins, frame, _listed_springs(attachments, holds), binding
+        return listed_pins(
+            name, mesh, measures, binding, attachments, holds, upper=cut is not None
+        )
+    marks = {}
     if attachments == NONE:
         pins = np.zeros(0, dtype=np.int32)
+    elif cut is None:
+        marks["waist"] = pins = waist_pins(mesh)
     else:
-        pins = waist_pins(mesh) if cut is None else lifted_shoulder_pins(measures, mesh, cut)
+        marks["shoulders"] = pins = lifted_shoulder_pins(measures, mesh, cut)
     heaviest = binding.heaviest(pins) if pins.size else 0
     frame = np.full(len(pins), heaviest, dtype=np.int32)
-    return pins, frame, np.tile([holds.stiffness, holds.damping], (len(pins), 1)), binding
+    spring = np.tile([holds.stiffness, holds.damping], (len(pins), 1))
+    return pins, frame, spring, binding, marks
 
 
 def _bones_at_rest(measures: Measures) -> dict[str, FloatArray]:
@@ -218,19 +191,6 @@ def _per_vertex(name: str, count: int, given: Sequence[VertexDistance]) -> Float
             )
         result[list(entry.vertices)] = entry.distance
     return result
-
-
-def _listed_springs(attachments: Sequence[Attachment], holds: Holds) -> FloatArray:
-    """Stiffness and damping of each attached vertex, shape [p, 2]."""
-    rows = [
-        (
-            holds.stiffness if a.stiffness is None else a.stiffness,
-            holds.damping if a.damping is None else a.damping,
-        )
-        for a in attachments
-        for _ in a.vertices
-    ]
-    return np.array(rows, dtype=np.float64).reshape(-1, 2)
 
 
 def reaches_shoulders(mesh: GarmentMesh, measures: Measures) -> bool:
@@ -306,7 +266,7 @@ def _put_outside(
     deep = gap <= -_DEEPEST * unit
     if deep.any():
         notes += (f"{deep.sum()} vertices are over {1e3 * _DEEPEST * unit:.0f} mm under the skin",)
-    return GarmentMesh(vertices=vertices, triangles=triangles, flat=flat), notes
+    return replace(mesh, vertices=vertices, triangles=triangles, flat=flat, notes=()), notes
 
 
 def _over_colliders(
@@ -345,41 +305,3 @@ def over_the_body(
     return _over_colliders(
         *(garment.name, mesh, measures, covered, garment.material, colliders, garment.passed_by)
     )
-
-
-def _listed_pins(
-    name: str,
-    mesh: GarmentMesh,
-    measures: Measures,
-    binding: Binding,
-    attachments: Sequence[Attachment],
-) -> tuple[IntArray, IntArray, Binding]:
-    """Pins, their frames, and the binding with the frames that they need.
-
-    Raises:
-        GeometryError: An unknown bone, or a vertex that does not exist or is pinned twice.
-    """
-    bones = major_bones(measures.body)
-    pins: list[int] = []
-    pin_frame: list[int] = []
-    for attachment in attachments:
-        joint = measures.body.humanoid.get(attachment.bone, attachment.bone)
-        owner = int(bones.owner[measures.body.rig.index(joint)])
-        frame = bones.names[owner]
-        if frame not in binding.frames:
-            T = measures.T_world_joint[bones.joint[owner]]
-            binding = replace(
-                binding,
-                frames=(*binding.frames, frame),
-                T_world_frame=np.concatenate([binding.T_world_frame, T[None]]),
-            )
-        pins += attachment.vertices
-        pin_frame += [binding.frames.index(frame)] * len(attachment.vertices)
-    wrong = [v for v in pins if not 0 <= v < len(mesh.vertices)]
-    if wrong or len(set(pins)) < len(pins):
-        raise GeometryError(
-            f"garment {name!r}: attached vertices "
-            + (f"{wrong[:5]} do not exist" if wrong else "are listed twice")
-            + f"; allowed: different ones from 0 to {len(mesh.vertices) - 1}"
-        )
-    return np.array(pins, dtype=np.int32), np.array(pin_frame, dtype=np.int32), binding

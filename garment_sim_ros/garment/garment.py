@@ -15,6 +15,7 @@ from garment_sim_ros.garment.materials import material_from
 from garment_sim_ros.garment.mesh import mesh_from
 from garment_sim_ros.geometry.sheet import pins_of, sheet
 from garment_sim_ros.params import Material
+from garment_sim_ros.sim.elastic import ElasticEdges
 from garment_sim_ros.sim.placement import SoftAttachments
 from garment_sim_ros.sim.self_collision.garment import own_distance
 
@@ -29,7 +30,7 @@ class Garment:
     Attributes:
         name: Matches ``[a-z][a-z0-9_]*``.
         vertices: Positions in the body's rest pose, z up, file order [m], shape [v, 3]. Edges have
-            their rest lengths here.
+            their rest lengths here, unless `rest` or `flat` say otherwise.
         triangles: Vertex indices, counter-clockwise seen from outside, shape [t, 3].
         material: Its fabric.
         frames: Names of the frames that it follows, length b.
@@ -55,8 +56,12 @@ class Garment:
             name, shape [4, 4]; those of `frames` need not be among them.
         flat: Where each triangle's corners lie in the panel that it was cut from, weft and warp
             [m], shape [t, 3, 2]: edges have their rest lengths there. None: in `vertices`.
+        rest: Where its edges have their rest lengths: as it was before it was moved out of the
+            body and carried over to it [m], shape [v, 3]. None: in `vertices`.
         stitches: Vertices with the same number are drawn together as the garment is sewn, -1 for
             none, shape [v]; None: nothing is to be sewn.
+        elastic: Elastic bands along its edges; None: there are none.
+        marks: What holds it, by name, and at which vertices, for pictures.
     """
 
     name: str
@@ -77,7 +82,10 @@ class Garment:
     self_collision: float | None = None
     T_world_bone_rest: Mapping[str, FloatArray] = field(default_factory=dict)
     flat: FloatArray | None = None
+    rest: FloatArray | None = None
     stitches: IntArray | None = None
+    elastic: ElasticEdges | None = None
+    marks: Mapping[str, IntArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         v = len(self.vertices)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import GeometryError, InputFileError, ParameterError
+from garment_sim_ros.garment.markings import marked, texture_seams
 from garment_sim_ros.garment.mesh_data import GarmentMesh as GarmentMesh
 from garment_sim_ros.garment.mesh_repair import repaired, triangulate
 from garment_sim_ros.garment.polygon_files import read_polygons
@@ -49,8 +50,13 @@ def load_garment_mesh(
     x = polygons.vertices * UNITS[unit]
     if up == "y":
         x = x @ AXES_FROM_Y_UP.T
+    corner = triangulate(x[polygons.corners], np.arange(len(polygons.corners)), polygons.sizes)
+    raw = polygons.corners[corner].astype(np.int32)
+    seams = np.zeros((0, 2), np.int32)
     try:
-        vertices, triangles, notes = repaired(x, triangulate(x, polygons.corners, polygons.sizes))
+        vertices, triangles, notes = repaired(x, raw)
+        if polygons.texture is not None and edge_length is None:
+            seams = texture_seams(x, raw, polygons.texture[corner], vertices)
         if edge_length is not None:
             before = len(vertices)
             vertices, triangles = subdivided(vertices, triangles, edge_length)
@@ -62,7 +68,8 @@ def load_garment_mesh(
     except GeometryError as error:
         problem, _, allowed = str(error).partition("; ")
         raise InputFileError(path, problem, allowed) from error
-    return GarmentMesh(vertices=vertices, triangles=triangles, notes=notes)
+    mesh = GarmentMesh(vertices=vertices, triangles=triangles, notes=notes, seams=seams)
+    return marked(mesh, x, raw, polygons.colours, polygons.vertex_groups())
 
 
 def mesh_from(

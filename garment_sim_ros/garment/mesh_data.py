@@ -1,6 +1,9 @@
 """A garment's surface."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 
@@ -15,9 +18,15 @@ class GarmentMesh:
         notes: What was repaired or assumed, one sentence each.
         flat: Where each triangle's corners lie in the panel that it was cut from, weft and warp
             [m], shape [t, 3, 2]; None: it was not cut from panels.
+        colours: Painted colours, red, green and blue from 0 to 1, shape [v, 3]; None: none.
+        groups: Vertices of each group that its file names.
+        seams: Edges at which its texture is cut, as it was read, shape [s, 2].
     """
 
     vertices: FloatArray
     triangles: IntArray
     notes: tuple[str, ...] = ()
     flat: FloatArray | None = None
+    colours: FloatArray | None = None
+    groups: Mapping[str, IntArray] = field(default_factory=dict)
+    seams: IntArray = field(default_factory=lambda: np.zeros((0, 2), np.int32))

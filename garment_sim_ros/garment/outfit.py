@@ -12,10 +12,11 @@ from garment_sim_ros.body.skin import Body
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.errors import GeometryError, InputFileError
 from garment_sim_ros.garment.carrying_over import carried_over
-from garment_sim_ros.garment.dressing import AUTOMATIC, Holds, dressed
+from garment_sim_ros.garment.dressing import dressed
 from garment_sim_ros.garment.evening import evened, is_uneven
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.generators import GENERATORS
+from garment_sim_ros.garment.holds import AUTOMATIC, Holds
 from garment_sim_ros.garment.layering import Cut, layers_of, with_room
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh, load_garment_mesh
@@ -142,7 +143,10 @@ def _made_on(source: str, name: str) -> Body:
 def _names_vertices(entry: GarmentEntry) -> bool:
     """Whether an entry tells vertices by their number in the file."""
     distances = chain.from_iterable(entry.holds.skin_limits.values())
-    return not isinstance(entry.attachments, str) or any(d.vertices is not None for d in distances)
+    placed = [e.place for e in entry.holds.elastic]
+    if not isinstance(entry.attachments, str):
+        placed += [a.place for a in entry.attachments]
+    return any(d.vertices is not None for d in distances) or any(p.by_number for p in placed)
 
 
 def _make(
@@ -152,6 +156,7 @@ def _make(
     colliders: ColliderSet | None,
     mesh: GarmentMesh | None,
 ) -> tuple[Cut, tuple[str, ...]]:
+    given = None
     if mesh is not None:
         pass
     elif entry.generator is not None:
@@ -175,6 +180,7 @@ def _make(
             mesh = evened(mesh, o.edge_length)
         else:
             mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up, edge_length=o.edge_length)
+        given = mesh.vertices if o.rest == "given" and mesh.flat is None else None
         if o.made_on:
             mesh = carried_over(mesh, _made_on(source, o.made_on), measures.body)
     if mesh.flat is not None and measures.has_arms:
@@ -191,5 +197,5 @@ def _make(
     apart = entry.self_collision
     if apart is True:
         apart = own_distance(garment.vertices, garment.triangles, garment.material)
-    garment = replace(garment, self_collision=apart or None)
+    garment = replace(garment, self_collision=apart or None, rest=given)
     return Cut(garment=garment, measures=measures), (*mesh.notes, *notes)

@@ -5,25 +5,23 @@ file's own size asks for.
 """
 
 import importlib.resources
-import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from garment_sim_ros.colliders.ellipsoids.thresholds import tightest
-from garment_sim_ros.declaration import nearest
 from garment_sim_ros.errors import InputFileError, ParameterError
-from garment_sim_ros.garment.dressing import (
-    ARMS,
-    AUTOMATIC,
-    NONE,
-    Attachment,
-    Holds,
-    VertexDistance,
-)
 from garment_sim_ros.garment.generators import GENERATORS
+from garment_sim_ros.garment.holds import AUTOMATIC, Attachment, Holds
+from garment_sim_ros.garment.holds_file import (
+    SHORTEST,
+    attachments_of,
+    holds_of,
+    mapping,
+    number,
+)
 from garment_sim_ros.garment.materials import material_from
 from garment_sim_ros.garment.mesh import UNITS, UP_AXES
 from garment_sim_ros.input_file import read_text
@@ -40,16 +38,12 @@ _FILE_KEYS = ("version", "garments", "colliders")
 GARMENT_KEYS = (
     *("name", "generator", "options", "mesh", "material", "attachments"),
     *("layer", *SKIN_LIMITS, "tethers", "self_collision", "mu"),
-    *("attachment_stiffness", "attachment_damping"),
+    *("attachment_stiffness", "attachment_damping", "elastic"),
 )
 """What an outfit file may say of one garment."""
 
 _MAX_LAYER = 15
 _LARGEST_OWN_DISTANCE = 0.1
-_STRETCH = 0.02
-"""What tethers allow where the file does not say."""
-_SHORTEST = 1e-6
-"""Shortest distance that cloth may be away [m]: none would be no distance but a pin."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,8 +58,15 @@ class MeshOptions:
     remesh: str = parameter(
         "auto",
         "Even triangles in place of the file's. auto: where an edge is shorter than a quarter of "
-        "the median, unless the outfit names vertices by number.",
+        "the median, unless the outfit names vertices by number. Open edges and seams of its "
+        "texture stay where they are.",
         choices=("auto", "never", "always"),
+    )
+    rest: str = parameter(
+        "relaxed",
+        "Where its edges have their rest lengths. relaxed: as it is put on, moved out of the body "
+        "and carried over to it: nothing is strained then. given: as in the file.",
+        choices=("relaxed", "given"),
     )
     made_on: str = parameter(
         "",
@@ -189,11 +190,11 @@ def outfit_from(
     Raises:
         ParameterError: A key or value that is not allowed; the message names the garment.
     """
-    known = _mapping("file", content, _FILE_KEYS)
+    known = mapping("file", content, _FILE_KEYS)
     if known.get("version") != 1:
         raise ParameterError("version", f"found {known.get('version')!r:.60}", "allowed: 1")
     garments = _garments(known, folder)
-    asked = _mapping("colliders", known.get("colliders", {}))
+    asked = mapping("colliders", known.get("colliders", {}))
     colliders = validated(ColliderOptions, asked)
     mu = tightest([colliders.mu, *(garment.mu for garment in garments)])
     return OutfitFile(
@@ -211,7 +212,7 @@ def _parsed(text: str) -> Mapping[str, Any]:
         content = parse_yaml(text)
     except PlainDataError as error:
         raise ParameterError("file", f"is not plain YAML ({error})") from None
-    return _mapping("file", content)
+    return mapping("file", content)
 
 
 def _garments(content: Mapping[str, Any], folder: Path) -> tuple[GarmentEntry, ...]:
@@ -231,7 +232,7 @@ def _garments(content: Mapping[str, Any], folder: Path) -> tuple[GarmentEntry, .
 
 def _garment(index: int, entry: object, folder: Path) -> GarmentEntry:
     where = f"garments[{index}]"
-    values = _mapping(where, entry, GARMENT_KEYS)
+    values = mapping(where, entry, GARMENT_KEYS)
     name = values.get("name")
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise ParameterError(
@@ -259,11 +260,11 @@ def _garment(index: int, entry: object, folder: Path) -> GarmentEntry:
             name=name,
             generator=generator,
             mesh=None if mesh is None else folder / mesh,
-            options=validated(group, _mapping("options", values.get("options", {}))),
+            options=validated(group, mapping("options", values.get("options", {}))),
             material=material_from(values.get("material")),
-            attachments=_attachments(values.get("attachments", AUTOMATIC)),
+            attachments=attachments_of(values.get("attachments", AUTOMATIC)),
             layer=_layer(values.get("layer")),
-            holds=_holds(values),
+            holds=holds_of(values),
             self_collision=_own_distance(values.get("self_collision", False)),
             mu=_thresholds(values.get("mu", "")),
         )
@@ -281,70 +282,11 @@ def _layer(value: object) -> int | None:
     return value
 
 
-def _holds(values: Mapping[str, Any]) -> Holds:
-    tethers = values.get("tethers", False)
-    if isinstance(tethers, bool):
-        tethers = _STRETCH if tethers else None
-    else:
-        tethers = _number("tethers", tethers, "true, false, or a stretch from 0 to 1", most=1.0)
-    return Holds(
-        skin_limits={
-            name: _distances(name, values[name])
-            for name in SKIN_LIMITS
-            if values.get(name) is not None
-        },
-        tethers=tethers,
-        stiffness=_number(
-            "attachment_stiffness",
-            values.get("attachment_stiffness", math.inf),
-            "a number of N/m from 0, .inf for pins",
-        ),
-        damping=_number(
-            "attachment_damping", values.get("attachment_damping", 0.0), "a number of N s/m from 0"
-        ),
-    )
-
-
-def _number(
-    name: str, value: object, allowed: str, least: float = 0.0, most: float = math.inf
-) -> float:
-    """A number from `least` to `most`."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
-        raise ParameterError(name, f"found {repr(value)[:60]}", f"allowed: {allowed}")
-    return float(value)
-
-
-def _distances(name: str, value: object) -> tuple[VertexDistance, ...]:
-    """One distance for all vertices, or a list of distances with the vertices that have them."""
-    allowed = "a number of metres above 0, or a list of {distance: M, vertices: [...]}"
-    if not isinstance(value, list) or len(value) > 1000:
-        value = [{"distance": value}]
-    distances = []
-    for entry in value:
-        known = _mapping(name, entry, ("distance", "vertices"))
-        vertices = known.get("vertices")
-        distances.append(
-            VertexDistance(
-                distance=_number(name, known.get("distance"), allowed, least=_SHORTEST),
-                vertices=None if vertices is None else _vertices(name, vertices, allowed),
-            )
-        )
-    return tuple(distances)
-
-
-def _vertices(name: str, value: object, allowed: str) -> tuple[int, ...]:
-    if not isinstance(value, list):
-        raise ParameterError(name, f"found {repr(value)[:60]}", f"allowed: {allowed}")
-    if not all(isinstance(v, int) and not isinstance(v, bool) for v in value):
-        raise ParameterError(name, "a vertex is not a whole number", f"allowed: {allowed}")
-    return tuple(value)
-
-
 def _own_distance(value: object) -> bool | float:
     if isinstance(value, bool):
         return value
-    allowed = f"true, false, or a distance of {_SHORTEST:g} to {_LARGEST_OWN_DISTANCE:g} m"
-    return _number("self_collision", value, allowed, _SHORTEST, _LARGEST_OWN_DISTANCE)
+    allowed = f"true, false, or a distance of {SHORTEST:g} to {_LARGEST_OWN_DISTANCE:g} m"
+    return number("self_collision", value, allowed, SHORTEST, _LARGEST_OWN_DISTANCE)
 
 
 def _thresholds(value: object) -> str:
@@ -353,47 +295,3 @@ def _thresholds(value: object) -> str:
             "mu", f"found {repr(value)[:60]}", "allowed: text, as left_thigh=0.03"
         )
     return tightest([value])
-
-
-def _attachments(value: object) -> str | tuple[Attachment, ...]:
-    allowed = (
-        f"{AUTOMATIC}, {ARMS}, {NONE}, or a list of {{bone: NAME, vertices: [...]}}, each also "
-        "with a stiffness in N/m and a damping in N s/m"
-    )
-    if isinstance(value, str) and value in (AUTOMATIC, ARMS, NONE):
-        return value
-    if not isinstance(value, list) or len(value) > 1000:
-        raise ParameterError("attachments", f"found {repr(value)[:60]}", f"allowed: {allowed}")
-    attachments = []
-    for entry in value:
-        known = _mapping("attachments", entry, ("bone", "vertices", "stiffness", "damping"))
-        bone = known.get("bone")
-        if not isinstance(bone, str):
-            raise ParameterError("attachments", f"found {repr(entry)[:60]}", f"allowed: {allowed}")
-        attachments.append(
-            Attachment(
-                bone=bone,
-                vertices=_vertices("attachments", known.get("vertices"), allowed),
-                **{
-                    key: _number(f"attachments.{key}", known[key], allowed)
-                    for key in ("stiffness", "damping")
-                    if key in known
-                },
-            )
-        )
-    return tuple(attachments)
-
-
-def _mapping(where: str, value: object, keys: Sequence[str] = ()) -> Mapping[str, Any]:
-    """A mapping with text keys, only known ones where `keys` are given."""
-    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
-        raise ParameterError(where, f"found {repr(value)[:60]}", "allowed: a mapping of names")
-    unknown = sorted(set(value) - set(keys)) if keys else []
-    if unknown:
-        alike = nearest(unknown[0], keys)
-        raise ParameterError(
-            where,
-            f"unknown key {unknown[0][:60]!r}{f', perhaps {alike}' if alike else ''}",
-            "allowed: " + ", ".join(keys),
-        )
-    return value

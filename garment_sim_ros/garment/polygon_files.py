@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.body.loaders.gltf_file import GltfFile
+from garment_sim_ros.body.loaders.gltf_marks import GltfMarks
 from garment_sim_ros.body.loaders.gltf_scene import Scene
 from garment_sim_ros.body.loaders.obj_file import read_obj
 from garment_sim_ros.body.loaders.ply_file import read_ply
@@ -49,16 +50,24 @@ def _read_gltf(path: str | Path) -> Polygons:
     vertices: list[NDArray[np.float64]] = [np.zeros((0, 3))]
     corners: list[NDArray[np.int64]] = [np.zeros(0, np.int64)]
     offset = 0
+    marks = GltfMarks(file)
     with np.errstate(over="ignore", invalid="ignore"):  # results are checked to be finite
         T_root_node = scene.transforms(np.eye(4))
         for piece in scene.pieces():
             vertices.append(transform_points(T_root_node[piece.node], piece.vertices))
             corners.append(piece.triangles.ravel() + offset)
             offset += len(piece.vertices)
+            marks.add(piece)
     flat = np.concatenate(corners)
+    texture = marks.texture()
     return checked(
         path,
         Polygons(
-            vertices=np.concatenate(vertices), corners=flat, sizes=np.full(len(flat) // 3, 3)
+            vertices=np.concatenate(vertices),
+            corners=flat,
+            sizes=np.full(len(flat) // 3, 3),
+            colours=marks.colours(),
+            marked=marks.groups(),
+            texture=None if texture is None else texture[flat],
         ),
     )

@@ -2,10 +2,12 @@
 
 Rounds of splitting long edges, collapsing short ones, flipping edges towards Delaunay triangles,
 and smoothing along the surface (Botsch and Kobbelt 2004, "A remeshing approach to multiresolution
-modeling"). Boundary vertices only move along their boundary, inner ones never join two boundaries.
+modeling"). Vertices on lines, which are boundaries and what else is asked for, only move along
+their line; where lines meet or bend they stay. Inner vertices never join two lines.
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +24,52 @@ _ATTEMPTS = 12
 _SHORTEST = 0.5
 """No edge shall be shorter than this share of the median."""
 
+Project = Callable[[FloatArray], FloatArray]
+"""Moves points [n, 3] onto a surface or a line."""
+
+
+class Lines(NamedTuple):
+    """Edges of a surface that its remeshed one keeps.
+
+    Attributes:
+        edges: Ends of the edges, boundaries among them, shape [f, 2].
+        corner: Vertices that stay where they are, shape [v].
+        project: Moves points of lines onto them.
+    """
+
+    edges: IntArray
+    corner: NDArray[np.bool_]
+    project: Project
+
+
+class _Mesh(NamedTuple):
+    """A surface on its way: positions, triangles, lines and corners as in `Lines`."""
+
+    x: FloatArray
+    triangles: IntArray
+    lines: IntArray
+    corner: NDArray[np.bool_]
+
+    @property
+    def on_line(self) -> NDArray[np.bool_]:
+        """Vertices on lines, shape [v]."""
+        flags = np.zeros(len(self.x), dtype=bool)
+        flags[self.lines] = True
+        return flags
+
+    def is_line(self, edges: IntArray) -> NDArray[np.bool_]:
+        """Which of some edges [e, 2], lower vertex first, are of a line, shape [e]."""
+        keys = (np.sort(e, axis=1).astype(np.int64) for e in (edges, self.lines))
+        own, lines = (k[:, 0] * len(self.x) + k[:, 1] for k in keys)
+        return np.isin(own, lines)
+
 
 def remeshed(
     vertices: FloatArray,
     triangles: IntArray,
     count: int,
-    project: Callable[[FloatArray], FloatArray],
+    project: Project,
+    lines: Lines | None = None,
 ) -> tuple[FloatArray, IntArray]:
     """The surface with `count` vertices and edges as even as they can be.
 
@@ -35,81 +77,97 @@ def remeshed(
         vertices: Positions [m], shape [v, 3].
         triangles: Vertex indices of a manifold, shape [t, 3].
         count: Vertices wanted.
-        project: Moves points [n, 3] onto the surface.
+        project: Moves points onto the surface.
+        lines: What is kept; None: boundaries, whose corners are cut.
 
     Raises:
         GeometryError: The surface cannot have that many vertices (too few for its holes).
     """
     area = triangle_areas(vertices, triangles).sum()
     length = float(np.sqrt(area / count / np.sqrt(0.75)))
+    relax = _Relaxing(project, lines.project if lines else None)
+    if lines is None:
+        edges, _, sides = edge_table(triangles)
+        lines = Lines(edges[sides == 1], np.zeros(len(vertices), bool), project)
+    mesh = _Mesh(vertices, triangles, lines.edges, lines.corner)
     for _ in range(_ROUNDS):
-        vertices, triangles = _round(vertices, triangles, length, project)
-        length *= np.sqrt(len(vertices) / count)
-    best, evenest = (vertices, triangles), -1.0
+        mesh = _round(mesh, length, relax)
+        length *= np.sqrt(len(mesh.x) / count)
+    best, evenest = mesh, -1.0
     for _ in range(_ATTEMPTS):
-        vertices, triangles = _with(count, vertices, triangles, project)
+        mesh = _with(count, mesh, relax)
         for _ in range(_ROUNDS):
-            vertices, triangles = _relaxed(vertices, triangles, project)
-        size = _lengths(vertices, edge_table(triangles)[0])
+            mesh = relax(mesh)
+        size = _lengths(mesh.x, edge_table(mesh.triangles)[0])
         median = float(np.median(size))
         if size.min() / median > evenest:
-            best, evenest = (vertices, triangles), float(size.min()) / median
+            best, evenest = mesh, float(size.min()) / median
         if evenest > _SHORTEST:
             break
         # A vertex too many here is one too few elsewhere, which no smoothing mends.
-        vertices, triangles = _collapsed(vertices, triangles, _SHORTEST * median, len(vertices))
-    return best
+        mesh = _collapsed(mesh, _SHORTEST * median, len(mesh.x))
+    return best.x, best.triangles
 
 
-def _with(
-    count: int,
-    vertices: FloatArray,
-    triangles: IntArray,
-    project: Callable[[FloatArray], FloatArray],
-) -> tuple[FloatArray, IntArray]:
+class _Relaxing:
+    """Edges flipped, then vertices moved along surface and lines; their number stays."""
+
+    def __init__(self, project: Project, to_lines: Project | None) -> None:
+        self._project, self._to_lines = project, to_lines
+
+    def __call__(self, mesh: _Mesh) -> _Mesh:
+        mesh = mesh._replace(triangles=_flipped(mesh))
+        x = self._project(_smoothed(mesh))
+        if self._to_lines is not None:
+            there = mesh.on_line & ~mesh.corner
+            x[there] = self._to_lines(x[there])
+            x[mesh.corner] = mesh.x[mesh.corner]
+        return mesh._replace(x=x)
+
+
+def _with(count: int, mesh: _Mesh, relax: _Relaxing) -> _Mesh:
     """The surface with exactly so many vertices: longest edges split, or shortest collapsed."""
     for _ in range(_ATTEMPTS):
-        missing = count - len(vertices)
+        missing = count - len(mesh.x)
         if missing == 0:
-            return vertices, triangles
+            return mesh
         if missing > 0:
-            edges, side_edge, _ = edge_table(triangles)
-            longest = np.argsort(-_lengths(vertices, edges), kind="stable")
-            chosen = _apart(longest, side_edge, len(edges), missing)
-            vertices, triangles = split_edges(vertices, triangles, chosen, edges, side_edge)
+            edges, side_edge, _ = edge_table(mesh.triangles)
+            longest = np.argsort(-_lengths(mesh.x, edges), kind="stable")
+            mesh = _split(mesh, _apart(longest, side_edge, len(edges), missing))
         else:
-            vertices, triangles = _collapsed(vertices, triangles, np.inf, -missing)
-        vertices, triangles = _relaxed(vertices, triangles, project)
-    if len(vertices) != count:
+            mesh = _collapsed(mesh, np.inf, -missing)
+        mesh = relax(mesh)
+    if len(mesh.x) != count:
         raise GeometryError(f"the surface cannot be meshed with {count} vertices")
-    return vertices, triangles
+    return mesh
 
 
 def _lengths(vertices: FloatArray, edges: IntArray) -> FloatArray:
     return np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
 
 
-def _round(
-    vertices: FloatArray,
-    triangles: IntArray,
-    length: float,
-    project: Callable[[FloatArray], FloatArray],
-) -> tuple[FloatArray, IntArray]:
-    edges, side_edge, _ = edge_table(triangles)
-    size = _lengths(vertices, edges)
-    vertices, triangles = split_edges(
-        vertices, triangles, size > 4.0 / 3.0 * length, edges, side_edge
+def _round(mesh: _Mesh, length: float, relax: _Relaxing) -> _Mesh:
+    edges = edge_table(mesh.triangles)[0]
+    mesh = _split(mesh, _lengths(mesh.x, edges) > 4.0 / 3.0 * length)
+    mesh = _collapsed(mesh, 0.8 * length, len(mesh.x))
+    return relax(mesh)
+
+
+def _split(mesh: _Mesh, chosen: NDArray[np.bool_]) -> _Mesh:
+    """The chosen edges cut at their middles, those of lines into two of the line."""
+    edges, side_edge, _ = edge_table(mesh.triangles)
+    x, triangles = split_edges(mesh.x, mesh.triangles, chosen, edges, side_edge)
+    of_line = mesh.is_line(edges)
+    cut = of_line & chosen
+    middle = (len(mesh.x) + np.cumsum(chosen) - 1)[cut]
+    halves = [np.stack([edges[cut, k], middle], axis=1) for k in (0, 1)]
+    return _Mesh(
+        x,
+        triangles,
+        np.concatenate([edges[of_line & ~chosen], *halves]).astype(np.int32),
+        np.concatenate([mesh.corner, np.zeros(len(x) - len(mesh.x), bool)]),
     )
-    vertices, triangles = _collapsed(vertices, triangles, 0.8 * length, len(vertices))
-    return _relaxed(vertices, triangles, project)
-
-
-def _relaxed(
-    vertices: FloatArray, triangles: IntArray, project: Callable[[FloatArray], FloatArray]
-) -> tuple[FloatArray, IntArray]:
-    """Edges flipped, then vertices moved along the surface; their number stays."""
-    triangles = _flipped(vertices, triangles)
-    return project(_smoothed(vertices, triangles)), triangles
 
 
 def _apart(
@@ -132,44 +190,45 @@ def _apart(
     return chosen
 
 
-def _collapsed(
-    vertices: FloatArray, triangles: IntArray, limit: float, most: int
-) -> tuple[FloatArray, IntArray]:
+def _collapsed(mesh: _Mesh, limit: float, most: int) -> _Mesh:
     """Edges shorter than `limit` collapsed, shortest first, at most `most` of them."""
-    edges, _, count = edge_table(triangles)
-    size = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
-    on_boundary = np.zeros(len(vertices), dtype=bool)
+    edges, _, count = edge_table(mesh.triangles)
+    size = _lengths(mesh.x, edges)
+    on_boundary = np.zeros(len(mesh.x), dtype=bool)
     on_boundary[edges[count == 1]] = True
-    x = vertices.copy()
-    faces = triangles.tolist()
-    around: list[set[int]] = [set() for _ in range(len(vertices))]
+    is_line = mesh.is_line(edges)
+    # What has the lower rank gives way: inner vertices, those of lines, corners.
+    rank = mesh.on_line.astype(int) + mesh.corner
+    x = mesh.x.copy()
+    faces = mesh.triangles.tolist()
+    around: list[set[int]] = [set() for _ in range(len(x))]
     for f, face in enumerate(faces):
         for v in face:
             around[v].add(f)
-    alive = np.ones(len(vertices), dtype=bool)
-    touched = np.zeros(len(vertices), dtype=bool)
+    into = np.arange(len(x))
+    touched = np.zeros(len(x), dtype=bool)
     for e in np.argsort(size, kind="stable").tolist():
         if most == 0 or size[e] >= limit:
             break
         a, b = edges[e].tolist()
         if touched[a] or touched[b]:
             continue
-        if on_boundary[a] and on_boundary[b] and count[e] == 2:
+        if min(rank[a], rank[b]) == 2 or (rank[a] and rank[b] and not is_line[e]):
             continue
-        if on_boundary[b] and not on_boundary[a]:
+        if rank[b] > rank[a]:
             a, b = b, a
         shared = around[a] & around[b]
         ring_a = {v for f in around[a] for v in faces[f]} - {a, b}
         ring_b = {v for f in around[b] for v in faces[f]} - {a, b}
-        if len(ring_a) == 2 and not on_boundary[a]:
+        if len(ring_a) == 2 and not rank[a]:
             a, b, ring_a, ring_b = b, a, ring_b, ring_a
         # A vertex within one triangle of its three neighbours: that triangle is what stays.
-        within = len(ring_b) == 2 and not on_boundary[b]
+        within = len(ring_b) == 2 and not rank[b]
         fewest = 2 if on_boundary[a] else 3
         least = len(ring_a) if within else min(len(ring_a), len(ring_b))
         if len(ring_a & ring_b) != len(shared) or least < fewest:
             continue
-        to_a = within or (on_boundary[a] and not on_boundary[b])
+        to_a = within or rank[a] > rank[b]
         place = x[a] if to_a else 0.5 * (x[a] + x[b])
         moved = [(f, a) for f in around[a] - shared] + [(f, b) for f in around[b] - shared]
         if any(_turns(x, faces[f], v, place) for f, v in moved):
@@ -182,12 +241,15 @@ def _collapsed(
             for v in faces[f]:
                 around[v].discard(f)
             faces[f] = []
-        alive[b] = False
+        into[b] = a
         touched[[a, b]] = True
         most -= 1
+    alive = into == np.arange(len(x))
     number = np.cumsum(alive) - 1
     kept = np.array([face for face in faces if face], dtype=np.int32)
-    return x[alive], number[kept].astype(np.int32)
+    lines = number[into[mesh.lines]].astype(np.int32)
+    lines = lines[lines[:, 0] != lines[:, 1]]
+    return _Mesh(x[alive], number[kept].astype(np.int32), lines, mesh.corner[alive])
 
 
 def _turns(x: FloatArray, face: list[int], moved: int, place: FloatArray) -> bool:
@@ -208,8 +270,9 @@ def _cross(p: list[float], q: list[float], r: list[float]) -> tuple[float, float
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
-def _flipped(vertices: FloatArray, triangles: IntArray) -> IntArray:
+def _flipped(mesh: _Mesh) -> IntArray:
     """Inner edges whose opposite angles sum to over 180 degrees flipped, worst first."""
+    vertices, triangles = mesh.x, mesh.triangles
     edges, side_edge, count = edge_table(triangles)
     side = np.argsort(side_edge.ravel(), kind="stable")
     first = (np.cumsum(count) - count)[count == 2]
@@ -225,6 +288,7 @@ def _flipped(vertices: FloatArray, triangles: IntArray) -> IntArray:
     left, right = _area(vertices, c, a, d), _area(vertices, d, b, c)
     old = _area(vertices, a, b, c) + _area(vertices, b, a, d)
     fits = (np.einsum("ni,ni->n", left, old) > 0.0) & (np.einsum("ni,ni->n", right, old) > 0.0)
+    fits &= ~mesh.is_line(edges)[count == 2]
     stride = len(vertices)
     existing = set((edges[:, 0].astype(np.int64) * stride + edges[:, 1]).tolist())
     used: set[int] = set()
@@ -251,8 +315,9 @@ def _angle(x: FloatArray, apex: IntArray, a: IntArray, b: IntArray) -> FloatArra
     return np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ni,ni->n", u, v))
 
 
-def _smoothed(vertices: FloatArray, triangles: IntArray) -> FloatArray:
-    """Vertices moved half way to the middle of their neighbours, along surface and boundary."""
+def _smoothed(mesh: _Mesh) -> FloatArray:
+    """Vertices moved half way to the middle of their neighbours, along surface and lines."""
+    vertices, triangles = mesh.x, mesh.triangles
     neighbours = adjacency(triangles, len(vertices))
     step = neighbours @ vertices / neighbours.sum(axis=1).reshape(-1, 1) - vertices
     step = np.asarray(step)
@@ -260,13 +325,14 @@ def _smoothed(vertices: FloatArray, triangles: IntArray) -> FloatArray:
     vertex_normals(vertices, triangles, normal)
     step -= np.einsum("ni,ni->n", step, normal)[:, None] * normal
 
-    _, side_edge, count = edge_table(triangles)
-    boundary = count[side_edge] == 1
-    start, end = triangles[boundary], np.roll(triangles, -1, axis=1)[boundary]
-    following, before = np.zeros((2, len(vertices)), dtype=np.int64)
-    following[start], before[end] = end, start
-    p, q = vertices[before[start]], vertices[following[start]]
+    ends = np.concatenate([mesh.lines, mesh.lines[:, ::-1]])
+    ends = ends[np.argsort(ends[:, 0], kind="stable")]
+    step[ends[:, 0]] = 0.0
+    # Between its two neighbours on the line; where there are more or fewer it stays.
+    first, size = np.unique(ends[:, 0], return_index=True, return_counts=True)[1:]
+    pair = first[(size == 2) & ~mesh.corner[ends[first, 0]]]
+    here, p, q = ends[pair, 0], vertices[ends[pair, 1]], vertices[ends[pair + 1, 1]]
     chord = (q - p) / np.maximum(np.linalg.norm(q - p, axis=1, keepdims=True), 1e-300)
-    along = np.einsum("ni,ni->n", 0.5 * (p + q) - vertices[start], chord)
-    step[start] = along[:, None] * chord
+    along = np.einsum("ni,ni->n", 0.5 * (p + q) - vertices[here], chord)
+    step[here] = along[:, None] * chord
     return vertices + 0.5 * step

@@ -30,3 +30,17 @@ def vertex_areas(x: FloatArray, triangles: IntArray) -> FloatArray:
     """A third of the area of the triangles at each vertex [m^2], shape [v]."""
     third = np.repeat(triangle_areas(x, triangles) / 3.0, 3)
     return np.bincount(triangles.ravel(), third, minlength=len(x)).astype(np.float64)
+
+
+def barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
+    """Barycentric coordinates of points [n, 3] on triangles [n, 3, 3], clipped and normalised."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    normal = np.cross(b - a, c - a)
+    squared = np.maximum(np.einsum("ni,ni->n", normal, normal), 1e-300)
+    parts = [
+        np.einsum("ni,ni->n", np.cross(q - p, points - p), normal) / squared
+        for p, q in ((b, c), (c, a), (a, b))
+    ]
+    share = np.clip(np.stack(parts, axis=1), 0.0, 1.0)
+    total = share.sum(axis=1, keepdims=True)
+    return np.where(total > 0.0, share / np.where(total > 0.0, total, 1.0), 1.0 / 3.0)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +15,8 @@ from garment_sim_ros.garment.patterns.pieces import Pieces
 from garment_sim_ros.geometry.topology import edge_table
 from garment_sim_ros.recording.render import SKIN_COLOR, Camera, Surface, color, linear, render
 
-_SIZE = (360, 620)
-_VIEWS = (("front", 0.0), ("side", 90.0), ("back", 180.0))
+SIZE = (360, 620)
+VIEWS = (("front", 0.0), ("side", 90.0), ("back", 180.0))
 _FIELD = math.radians(24.0)
 _MARGIN = 1.15
 _BANDS = (
@@ -27,53 +26,69 @@ _BANDS = (
     (math.inf, "#c8423a", "longer by 10 % and more"),
 )
 """Strains up to which each colour stands, the colours, and what they mean."""
-_PAPER, _INK, _PIECE = "#ffffff", "#222222", "#dfe8f5"
+PAPER, INK, _PIECE = "#ffffff", "#222222", "#dfe8f5"
 
 
-def draw_dressed(
+def dressed_picture(
     made: Sequence[Made],
     colours: Sequence[Colour],
     skin: FloatArray,
     skin_triangles: IntArray,
-    path: Path,
-) -> None:
-    """Draws garments on their body: front, side, back, strain; below, their flat pieces.
+) -> Image.Image:
+    """Garments on their body: front, side, back, strain; below, their flat pieces.
 
     Args:
-        made: The garments, inner ones first.
+        made: The garments.
         colours: A colour for each.
         skin: The body's skin [m], shape [v, 3].
         skin_triangles: Shape [t, 3].
-        path: A .png file.
 
     Raises:
         RenderingUnavailableError: The ray caster is not installed.
     """
-    body = Surface(vertices=skin, triangles=skin_triangles, color=SKIN_COLOR, gloss=0.15)
-    worn = [
-        Surface(vertices=m.sewn.vertices, triangles=m.sewn.triangles, color=linear(c))
-        for m, c in zip(made, colours, strict=True)
-    ]
-    cloth = np.concatenate([m.sewn.vertices for m in made])
-    views = [view_of([body, *worn], cloth, angle) for _, angle in _VIEWS]
-    strained = [body, *(s for m in made for s in _strain_surfaces(m))]
+    worn = [(m.sewn.vertices, m.sewn.triangles) for m in made]
+    surfaces = clothed(skin, skin_triangles, worn, colours)
+    cloth = np.concatenate([x for x, _ in worn])
+    views = [view_of(surfaces, cloth, angle) for _, angle in VIEWS]
+    strained = [surfaces[0], *(s for m in made for s in _strain_surfaces(m))]
     views.append(view_of(strained, cloth, 0.0))
     row = Image.fromarray(np.concatenate(views, axis=1))
     draw = ImageDraw.Draw(row)
-    for k, name in enumerate([*(name for name, _ in _VIEWS), "strain"]):
-        draw.text((k * _SIZE[0] + 10, 8), name, fill=_INK, font=_font())
+    for k, name in enumerate([*(name for name, _ in VIEWS), "strain"]):
+        draw.text((k * SIZE[0] + 10, 8), name, fill=INK, font=text_font())
     for n, (_, code, text) in enumerate(_BANDS):
-        y = _SIZE[1] - 20 * (len(_BANDS) - n) - 6
-        x = 3 * _SIZE[0] + 10
-        draw.rectangle((x, y, x + 14, y + 14), fill=code, outline=_INK)
-        draw.text((x + 20, y), text, fill=_INK, font=_font())
-    flat = [draw_pieces(m.pieces, row.width) for m in made]
-    sheet = Image.new("RGB", (row.width, row.height + sum(f.height for f in flat)), _PAPER)
+        y = SIZE[1] - 20 * (len(_BANDS) - n) - 6
+        x = 3 * SIZE[0] + 10
+        draw.rectangle((x, y, x + 14, y + 14), fill=code, outline=INK)
+        draw.text((x + 20, y), text, fill=INK, font=text_font())
+    return stacked([row, *(draw_pieces(m.pieces, row.width) for m in made)])
+
+
+def stacked(pictures: Sequence[Image.Image]) -> Image.Image:
+    """Pictures below each other."""
+    size = max(p.width for p in pictures), sum(p.height for p in pictures)
+    sheet = Image.new("RGB", size, PAPER)
     y = 0
-    for picture in (row, *flat):
+    for picture in pictures:
         sheet.paste(picture, (0, y))
         y += picture.height
-    sheet.save(path)
+    return sheet
+
+
+def clothed(
+    skin: FloatArray,
+    skin_triangles: IntArray,
+    cloth: Sequence[tuple[FloatArray, IntArray]],
+    colours: Sequence[Colour],
+) -> list[Surface]:
+    """A body, then what it wears or what is placed around it, in these colours."""
+    return [
+        Surface(vertices=skin, triangles=skin_triangles, color=SKIN_COLOR, gloss=0.15),
+        *(
+            Surface(vertices=x, triangles=t, color=linear(c))
+            for (x, t), c in zip(cloth, colours, strict=True)
+        ),
+    ]
 
 
 def draw_pieces(pieces: Pieces, width: int) -> Image.Image:
@@ -84,7 +99,7 @@ def draw_pieces(pieces: Pieces, width: int) -> Image.Image:
     scale = (width - gap * (len(panels) + 1)) / sum(e[0] for e in extents)
     scale = min(scale, 420.0 / max(e[1] for e in extents))
     height = int(scale * max(e[1] for e in extents)) + 2 * gap + 18
-    picture = Image.new("RGB", (width, height), _PAPER)
+    picture = Image.new("RGB", (width, height), PAPER)
     draw = ImageDraw.Draw(picture)
     left = float(gap)
     for k, (name, panel) in enumerate(panels):
@@ -101,13 +116,14 @@ def draw_pieces(pieces: Pieces, width: int) -> Image.Image:
         for corners in at[own]:
             draw.polygon([tuple(c) for c in corners], outline="#9fb2cc", fill=_PIECE)
         outline = [tuple(p) for p in on_sheet(panel.outline)]
-        draw.line([*outline, outline[0]], fill=_INK, width=2)
-        draw.text((left, 2), name, fill=_INK, font=_font())
+        draw.line([*outline, outline[0]], fill=INK, width=2)
+        draw.text((left, 2), name, fill=INK, font=text_font())
         left += scale * extents[k][0] + gap
     return picture
 
 
-def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+def text_font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """The font of all words in these pictures."""
     return ImageFont.load_default(13)
 
 
@@ -116,11 +132,11 @@ def view_of(surfaces: Sequence[Surface], cloth: FloatArray, degrees: float) -> N
     low, high = cloth.min(axis=0), cloth.max(axis=0)
     middle = 0.5 * (low + high)
     half = 0.5 * _MARGIN * (high - low)
-    across = max(float(half[0]), float(half[1])) * _SIZE[1] / _SIZE[0]
+    across = max(float(half[0]), float(half[1])) * SIZE[1] / SIZE[0]
     away = max(float(half[2]), across) / math.tan(0.5 * _FIELD) + float(half.max())
     a = math.radians(degrees)
     eye = middle + away * np.array([math.cos(a), math.sin(a), 0.1])
-    return render(surfaces, Camera(position=eye, target=middle, field_of_view=_FIELD), *_SIZE)
+    return render(surfaces, Camera(position=eye, target=middle, field_of_view=_FIELD), *SIZE)
 
 
 def _strain_surfaces(made: Made) -> list[Surface]:

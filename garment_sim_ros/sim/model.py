@@ -13,6 +13,8 @@ from garment_sim_ros.geometry.locality import spatial_order
 from garment_sim_ros.geometry.topology import hinge_vertices, mesh_topology
 from garment_sim_ros.geometry.triangles import triangle_areas
 from garment_sim_ros.params import Environment, Material
+from garment_sim_ros.sim.elastic import ElasticEdges, with_bands
+from garment_sim_ros.sim.elasticity import edge_stiffness
 from garment_sim_ros.sim.rest_shape import edge_lengths, unfolded, upright
 
 _LIGHTEST = 0.01
@@ -27,6 +29,7 @@ class Springs:
         particles: Their ends as particles, flat, shape [2 m]. Unsigned: compiled code then need
             not look for negative indices.
         rest_length: Lengths at which they are at rest [m], shape [m].
+        drawn_length: The same with elastic bands along them [m], shape [m].
         share: Part of a correction that the first end takes, w0 / (w0 + w1), shape [m].
         colour_start: Where each colour starts, shape [colours + 1].
         bending: The first so many springs resist bending, the others stretch and shear.
@@ -34,6 +37,7 @@ class Springs:
 
     particles: IndexArray
     rest_length: SingleArray
+    drawn_length: SingleArray
     share: SingleArray
     colour_start: IntArray
     bending: int
@@ -63,6 +67,7 @@ class ClothModel:
         material: Its fabric.
         corners: Rest positions of each triangle's corners [m], shape [t, 3, 3]. Of cloth that was
             cut flat, where they lie in its panel, upright, warp up; else those of its particles.
+        bands: Elastic bands along its edges, as particles.
     """
 
     name: str
@@ -77,6 +82,7 @@ class ClothModel:
     pin_position: FloatArray
     material: Material
     corners: FloatArray
+    bands: ElasticEdges
 
     def __len__(self) -> int:
         return len(self.vertex)
@@ -148,6 +154,8 @@ def _springs(
     triangles: IntArray,
     weight: FloatArray,
     corners: FloatArray | None,
+    material: Material,
+    bands: ElasticEdges,
 ) -> Springs:
     """Springs of a mesh whose vertices are already in the order of the particles.
 
@@ -170,9 +178,14 @@ def _springs(
         colour_start += (colours[1:] + colour_start[-1]).tolist()
     springs = np.concatenate(pairs)
     w = weight[springs]
+    drawn = lengths[1]
+    if len(bands.edges):
+        stiffness = edge_stiffness(vertices, triangles, pairs[1], material, corners)
+        _, drawn = with_bands(bands, pairs[1], stiffness, drawn)
     return Springs(
         particles=_frozen(springs.ravel(), np.uint32),
         rest_length=_frozen(np.concatenate(lengths), np.float32),
+        drawn_length=_frozen(np.concatenate([lengths[0], drawn]), np.float32),
         share=_frozen(w[:, 0] / w.sum(axis=1), np.float32),
         colour_start=_frozen(np.array(colour_start), np.int32),
         bending=len(pairs[0]),
@@ -215,6 +228,7 @@ def build_model(
     pin_collider: IntArray | None = None,
     pin_position: FloatArray | None = None,
     flat: FloatArray | None = None,
+    elastic: ElasticEdges | None = None,
 ) -> ClothModel:
     """Builds the particles and springs of one garment.
 
@@ -231,6 +245,7 @@ def build_model(
         pin_position: Position of each pin in that collider's frame [m], shape [p, 3].
         flat: Where each triangle's corners lie in the panel that it was cut from, weft and warp
             [m], shape [t, 3, 2]: no spring is strained there. None: in `vertices`.
+        elastic: Elastic bands along its edges; None: there are none.
 
     Raises:
         GeometryError: No triangles, an index or a coordinate that is not usable, a vertex that
@@ -253,6 +268,7 @@ def build_model(
     particle[vertex] = np.arange(v, dtype=np.int32)
     inverse_mass = 1.0 / mass[vertex]
     inverse_mass[len(free) :] = 0.0
+    bands = (elastic or ElasticEdges.none()).renamed(particle)
     return ClothModel(
         name=name,
         vertex=_frozen(vertex, np.int32),
@@ -266,6 +282,8 @@ def build_model(
             particle[triangles],
             inverse_mass,
             None if flat is None else corners,
+            material,
+            bands,
         ),
         pin_collider=_frozen(
             np.zeros(0) if pin_collider is None else np.asarray(pin_collider)[first], np.int32
@@ -276,4 +294,5 @@ def build_model(
         ),
         material=material,
         corners=_frozen(corners, np.float64),
+        bands=bands,
     )

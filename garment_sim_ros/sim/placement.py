@@ -11,6 +11,7 @@ from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.transforms import invert_transform, transform_from
 from garment_sim_ros.params import Material
+from garment_sim_ros.sim.elastic import ElasticEdges
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,8 +103,16 @@ class GarmentLike(Protocol):
         """Corners of each triangle in its panel [m], shape [t, 3, 2]; or None."""
 
     @property
+    def rest(self) -> FloatArray | None:
+        """Positions where its edges have their rest lengths [m], shape [v, 3]; or None."""
+
+    @property
     def stitches(self) -> IntArray | None:
         """Number of the stitch that draws each vertex, -1 for none, shape [v]; or None."""
+
+    @property
+    def elastic(self) -> ElasticEdges | None:
+        """Elastic bands along its edges; or None."""
 
     @property
     def self_collision(self) -> float | None:

@@ -158,7 +158,9 @@ def _sheet(side: int, **asked: object) -> SimpleNamespace:
     """A square garment with so many vertices along a side, and what it asks for."""
     length = 0.1 * (side - 1)
     vertices, triangles, _ = sheet(length, length, edge=0.1)
-    nothing = dict.fromkeys(("tethers", "soft", "self_collision", "flat", "stitches"))
+    nothing = dict.fromkeys(
+        ("tethers", "soft", "self_collision", "flat", "rest", "stitches", "elastic")
+    )
     plain = {
         "name": "scrap",
         "vertices": vertices,

@@ -83,13 +83,14 @@ class Worn(Piece):
         frames = find_frames(garment.name, garment.frames, collider_set)
         model = build_model(
             garment.name,
-            garment.vertices,
+            garment.vertices if garment.rest is None else garment.rest,
             garment.triangles,
             garment.material,
             pins=garment.pins,
             pin_collider=frames.collider[np.asarray(garment.pin_frame, dtype=np.int32)],
             pin_position=places_in_frames(garment, frames, garment.pins, garment.pin_frame),
             flat=garment.flat,
+            elastic=garment.elastic,
         )
         state = State.at(model, garment.vertices, colliders.origin)
         workspace = by.workspace(model, len(colliders.shapes.kind))

@@ -1,12 +1,15 @@
 """Repairing, refining, cutting and remeshing keep what they must on any mesh."""
 
 import numpy as np
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from garment_sim_ros.garment.attachments import smoothed
 from garment_sim_ros.garment.connectivity import adjacency, components
+from garment_sim_ros.garment.evening import evened
 from garment_sim_ros.garment.isosurface import clipped, surface_net
+from garment_sim_ros.garment.mesh import load_garment_mesh
 from garment_sim_ros.garment.mesh_repair import repaired
 from garment_sim_ros.garment.remesh import remeshed
 from garment_sim_ros.garment.slices import NORMALS, Profile, outline, sections
@@ -143,6 +146,61 @@ def test_remeshing_keeps_boundaries(count, cut):
     for loop in loops:
         # Moving along the boundary does not move the boundary.
         assert np.allclose(np.abs(x[loop, 2] - 0.5), cut, atol=0.03)
+
+
+def pipe(around, rows, notch):
+    """A tube whose lower hem has notches, two seams of its texture along it; OBJ lines."""
+    angle = 2.0 * np.pi * np.arange(around) / around
+    z = np.linspace(0.0, 0.6, rows)
+    x = np.array([[0.2 * np.cos(a), 0.2 * np.sin(a), h] for h in z for a in angle])
+    x[: around : around // 4, 2] += notch
+    lines = [f"v {p[0]:.9f} {p[1]:.9f} {p[2]:.9f}" for p in x]
+    lines += [f"vt {k} 0" for k in range(2 * len(x))]
+    half = around // 2
+    for k in range(rows - 1):
+        for i in range(around):
+            j = (i + 1) % around
+            ring = [k * around + i, k * around + j, (k + 1) * around + j, (k + 1) * around + i]
+            # Each half of the tube is a piece of its own on the texture.
+            corners = [f"{v + 1}/{v + 1 + (i >= half) * len(x)}" for v in ring]
+            lines.append("f " + " ".join(corners))
+    return x, "\n".join(lines)
+
+
+@settings(CHECKED, max_examples=8)
+@given(st.sampled_from([16, 24, 32]), st.integers(5, 12), st.floats(0.015, 0.05))
+def test_remeshing_keeps_hems_seams_and_their_corners(tmp_path_factory, around, rows, edge):
+    path = tmp_path_factory.mktemp("pipe") / "pipe.obj"
+    x, text = pipe(around, rows, 0.04)
+    path.write_text(text)
+    mesh = load_garment_mesh(path, up="z")
+    assert len(mesh.seams) == 2 * (rows - 1)
+    made = evened(mesh, edge)
+    y, triangles = made.vertices, made.triangles
+    edges, _, _ = edge_table(triangles)
+    length = np.linalg.norm(y[edges[:, 0]] - y[edges[:, 1]], axis=1)
+    assert np.median(length) == pytest.approx(edge, rel=0.15)
+    # Tips of the notches, and where seams end.
+    for corner in x[: around : around // 4]:
+        assert np.linalg.norm(y - corner, axis=1).min() < 1e-9
+    # Hems are as long as they were, but for what a longer edge cuts off a round one.
+    new, old = boundary_loops(triangles), boundary_loops(mesh.triangles)
+    girths = [
+        sorted(np.linalg.norm(v[q] - v[np.roll(q, 1)], axis=1).sum() for q in loops)
+        for v, loops in ((y, new), (mesh.vertices, old))
+    ]
+    assert len(new) == len(old) == 2
+    assert girths[0] == pytest.approx(girths[1], rel=0.02)
+    # A seam is a chain of edges from hem to hem, on the line where it was.
+    for side in (0, around // 2):
+        ends = x[side], x[side + around * (rows - 1)]
+        on = np.linalg.norm(np.cross(y - ends[0], ends[1] - ends[0]), axis=1) < 1e-9
+        along = np.sort(y[on, 2])
+        assert along[0] == pytest.approx(ends[0][2])
+        assert along[-1] == pytest.approx(ends[1][2])
+        own = edges[on[edges].all(axis=1)]
+        assert len(own) == on.sum() - 1
+        assert np.abs(y[own[:, 0], 2] - y[own[:, 1], 2]).sum() == pytest.approx(np.ptp(along))
 
 
 @CHECKED

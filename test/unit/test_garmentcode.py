@@ -94,6 +94,43 @@ def test_curves_of_all_kinds(tmp_path):
     assert back.curves[1][128, 1] != pytest.approx(0.5)
 
 
+@pytest.mark.parametrize(
+    ("edge", "params"),
+    [(0, [[0.3, 0.1], [0.8, -0.1]]), (1, [0.5, -0.1]), (2, [30, False, False]), (3, None)],
+)
+def test_another_hand_writes_the_same_pattern_otherwise(tmp_path, edge, params):
+    """An edge that runs back, keys of other programs, words where there is nothing."""
+    content = specification()
+    front = content["pattern"]["panels"]["front"]
+    front["edges"][0]["curvature"] = {"type": "cubic", "params": [[0.2, 0.1], [0.7, -0.1]]}
+    front["edges"][1]["curvature"] = {"type": "quadratic", "params": [[0.5, 0.1]]}
+    front["edges"][2]["curvature"] = {"type": "circle", "params": [30, 0, 1]}
+    other = copy.deepcopy(content)
+    panel = other["pattern"]["panels"]["front"]
+    panel["edges"][edge]["endpoints"].reverse()
+    if params is not None:
+        panel["edges"][edge]["curvature"]["params"] = params
+    panel["edges"][3]["curvature"] = None
+    panel.pop("rotation")
+    panel["colour"] = [1, 2, 3]
+    other["pattern"]["panels"]["back"]["edges"][0]["curvature"] = {}
+    other["pattern"]["panel_order"] = ["back", "front"]
+    other["properties"] = {"normalized_edge_loops": False}
+    other["parameters"] = {"length": {"value": 1}}
+    for stitch in other["pattern"]["stitches"]:
+        stitch.append(None)
+    one = read_garmentcode(write(tmp_path, content))
+    two = read_garmentcode(write(tmp_path, other))
+    for name, panel in one.panels.items():
+        again = two.panels[name]
+        assert np.array([*panel.lengths]) == pytest.approx(again.lengths, rel=1e-9)
+        placed = [np.sort(p.placement.placed(p.outline), axis=0) for p in (panel, again)]
+        assert placed[0] == pytest.approx(placed[1], abs=1e-9)
+        assert again.placement.T_world_panel == pytest.approx(panel.placement.T_world_panel)
+    assert [str(s) for s in two.stitches] == [str(s) for s in one.stitches]
+    assert not any(s.turned for s in two.stitches)
+
+
 def test_stitches_of_several_edges_and_turned_ones(tmp_path):
     content = specification()
     content["pattern"]["stitches"] = [
@@ -134,6 +171,7 @@ FRONT = ("pattern", "panels", "front")
         ((*FRONT, "vertices", 1), [-20, 0], "'front' edge 0 has no length"),
         ((*FRONT, "edges", 1, "endpoints"), [1, 9], "'front' edge 1"),
         ((*FRONT, "edges", 1, "endpoints"), [1, 3], "'front'"),
+        ((*FRONT, "edges", 1, "endpoints"), [1, 1], "'front' edge 1 has no length"),
         ((*FRONT, "edges", 1, "curvature"), {"type": "spline", "params": []}, "spline"),
         ((*FRONT, "translation"), [0, 0], "'front' translation"),
         (("pattern", "stitches", 0, 1), {"panel": "cape", "edge": 0}, "no panel 'cape'"),

@@ -186,6 +186,7 @@ OTHER_MEANINGS = {
     "avatar.py": {"mesh"},  # of a garment
     "cli/dress.py": {"mesh"},
     "body/loaders/gltf.py": {"mesh"},  # glTF's own word
+    "body/loaders/gltf_marks.py": {"mesh"},
     "body/loaders/gltf_scene.py": {"mesh"},
     "body/loaders/mesh_file.py": {"mesh"},  # trimesh's
     "body/loaders/urdf_visuals.py": {"sphere", "capsule", "mesh"},  # URDF's tags

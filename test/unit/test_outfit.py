@@ -174,7 +174,7 @@ def test_options_material_and_attachments(tmp_path, body):
         ),
         (
             SKIRT.replace("_skirt}", "_skirt, attachments: [{bone: hips, vertices: [99999]}]}"),
-            "attached vertices [99999] do not exist",
+            "vertices [99999] do not exist",
         ),
         (
             SKIRT.replace("_skirt}", "_skirt, attachments: [{bone: hips, vertices: [3, 3]}]}"),

@@ -132,6 +132,62 @@ def test_real_meshes_load_and_refine(data_file, file, loops, edges):
     assert np.linalg.norm(np.subtract(*fine.vertices[e.T]), axis=1).max() < 0.0294
 
 
+@pytest.mark.parametrize(
+    ("file", "away"),
+    [
+        ("tshirt_female.obj", 0.009),  # creases narrower than an edge
+        ("trousers_female.obj", 0.004),
+        ("skirt_long_female.obj", 0.003),
+        ("skirt_short_female.obj", 0.003),
+    ],
+)
+def test_a_remeshed_garment_has_its_hems_and_its_shape(data_file, file, away):
+    mesh = load_garment_mesh(data_file("garments", file))
+    even = evened(mesh, 0.022)
+    girths = []
+    for made in (mesh, even):
+        x, loops = made.vertices, boundary_loops(made.triangles)
+        girths.append(sorted(np.linalg.norm(x[v] - x[np.roll(v, 1)], axis=1).sum() for v in loops))
+    assert girths[1] == pytest.approx(girths[0], rel=0.03)
+    back = MeshDistance(even.vertices, even.triangles).signed_distance(mesh.vertices)[0]
+    assert np.percentile(np.abs(back), 99.0) < away
+    x = even.vertices[even.triangles]
+    sides = [x[:, k - 1] - x[:, k] for k in range(3)]
+    cosine = [
+        -np.einsum("ti,ti->t", a, b) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
+        for a, b in ((sides[0], sides[1]), (sides[1], sides[2]), (sides[2], sides[0]))
+    ]
+    narrowest = np.degrees(np.arccos(np.max(cosine, axis=0)))
+    assert narrowest.min() > 20.0
+    assert np.percentile(narrowest, 1.0) > 35.0
+
+
+@pytest.mark.parametrize("rest", ["relaxed", "given"])
+def test_rest_lengths_of_a_mesh_are_those_of_its_file_where_that_is_asked(
+    data_file, tmp_path, rest
+):
+    """A skirt carried over to a smaller body is slack there, or as it was cut."""
+    path = data_file("garments", "skirt_short_female.obj")
+    outfit = tmp_path / "outfit.yaml"
+    outfit.write_text(
+        f"version: 1\ngarments:\n  - name: worn\n    mesh: {path}\n"
+        f"    options: {{remesh: never, edge_length: 1, rest: {rest}, "
+        f"made_on: {data_file('bodies', 'mh_female_young.glb')}}}\n"
+    )
+    mannequin = load_body("mannequin:height=1.45,build=0")
+    (garment,) = load_outfit(outfit, mannequin).garments
+    edges = mesh_topology(garment.triangles).edges
+    given = load_garment_mesh(path).vertices
+    model = Simulation((garment,), fit_capsules(mannequin)).model("worn")
+    springs = model.springs
+    pairs = model.vertex[springs.particles.reshape(-1, 2)[springs.bending :]]
+    x = given if rest == "given" else garment.vertices
+    wanted = np.linalg.norm(x[pairs[:, 0]] - x[pairs[:, 1]], axis=1)
+    assert springs.rest_length[springs.bending :] == pytest.approx(wanted, rel=1e-5)
+    there = [np.linalg.norm(v[edges[:, 0]] - v[edges[:, 1]], axis=1).sum() for v in (given, x)]
+    assert (there[1] < 0.95 * there[0]) == (rest == "relaxed")
+
+
 @pytest.mark.parametrize("file", ["tshirt_female.obj", "trousers_female.obj"])
 def test_uneven_meshes_are_meshed_anew_on_the_same_surface(data_file, tmp_path, file):
     path = data_file("garments", file)

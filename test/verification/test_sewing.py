@@ -53,8 +53,12 @@ def test_a_skirt_passes_all_gates(skirt):
     ],
 )
 def test_limbs_are_dressed_whatever_they_are_like(name, garment, data_file):
-    made = make(garment, Model(load_body(data_file("bodies", name))))
+    model = Model(load_body(data_file("bodies", name)))
+    made = make(garment, model)
     assert not made.gates.failed, made.gates.lines()
+    # No patch of skin shows, as small as it may be.
+    depth = -model.distance.signed_distance(made.sewn.vertices)[0]
+    assert depth.max() < 1e-3
 
 
 def test_sizes_are_those_of_the_first_paper(tshirt, skirt):

@@ -31,12 +31,14 @@ class Piece:
         attributes: The primitive's accessors by name.
         vertices: Positions in the node's frame, shape [v, 3].
         triangles: Vertex indices, shape [t, 3].
+        material: What the primitive names as its material.
     """
 
     node: int
     attributes: dict[str, Any]
     vertices: FloatArray
     triangles: LongArray
+    material: Any = None
 
 
 class Scene:
@@ -131,7 +133,7 @@ class Scene:
                         f"shows {vertices} vertices and more from {file.size} bytes",
                         f"allowed: {MAX_VERTICES} vertices, and {most} vertices and corners",
                     )
-                yield Piece(n, attributes, x, triangles)
+                yield Piece(n, attributes, x, triangles, primitive.get("material"))
 
     def _tree(self) -> tuple[list[int], list[int]]:
         file, nodes = self._file, self._nodes

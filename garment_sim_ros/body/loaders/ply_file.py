@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.loaders.polygons import (
     MAX_MESH_BYTES,
     MAX_VERTICES,
@@ -93,6 +94,7 @@ def _header(text: str) -> tuple[str, list[_Element]]:
 
 def _polygons(elements: Sequence[_Element], body: "_Text | _Binary", available: int) -> Polygons:
     vertices = np.zeros((0, 3))
+    colours = None
     corners: list[Sequence[float]] = []
     for element in elements:
         # Every element takes at least one byte per property, in text as in binary.
@@ -115,6 +117,7 @@ def _polygons(elements: Sequence[_Element], body: "_Text | _Binary", available: 
                 names = [name for _, name in element.properties]
                 columns = [table(names.index(axis)) for axis in "xyz"]
                 vertices = np.stack(columns, axis=1).astype(np.float64)
+                colours = _colours(element.properties, table)
     flat = np.array([c for polygon in corners for c in polygon], np.float64)
     if not (np.abs(flat) <= MAX_VERTICES).all():
         raise ValueError("a vertex index out of range")
@@ -122,7 +125,24 @@ def _polygons(elements: Sequence[_Element], body: "_Text | _Binary", available: 
         vertices=vertices,
         corners=flat.astype(np.int64),
         sizes=np.array([len(c) for c in corners], np.int64),
+        colours=colours,
     )
+
+
+def _colours(
+    properties: Sequence[tuple[str, str]], table: Callable[[int], NDArray[Any]]
+) -> FloatArray | None:
+    """Colours of the vertices from 0 to 1, shape [v, 3]; None where the file has none."""
+    names = [name for _, name in properties]
+    if not {"red", "green", "blue"} <= set(names):
+        return None
+    columns = [names.index(name) for name in ("red", "green", "blue")]
+    found: FloatArray = np.stack([table(c) for c in columns], axis=1).astype(np.float64)
+    if not np.isfinite(found).all():
+        return None
+    if all(properties[c][0] not in "fd" for c in columns):  # whole numbers, of a byte
+        found /= 255.0
+    return np.clip(found, 0.0, 1.0)
 
 
 class _Text:

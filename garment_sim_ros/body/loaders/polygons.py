@@ -4,10 +4,12 @@ Polygons are a flat list of corners with their sizes, so that a quad can later b
 either diagonal.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, LongArray
 from garment_sim_ros.errors import InputFileError
@@ -33,6 +35,11 @@ class Polygons:
         group: Which of `groups` each polygon is in, shape [p]; all in the first where the format
             has none.
         groups: Names of the groups, in order of first use.
+        colours: Painted colours of the vertices, red, green and blue from 0 to 1 as screens show
+            them, shape [v, 3]; None: there are none.
+        marked: Vertices of further groups, by name, shape [v].
+        texture: Number of the texture point at each corner, shape [sum of sizes]; None: the file
+            has none.
     """
 
     vertices: FloatArray
@@ -40,6 +47,20 @@ class Polygons:
     sizes: LongArray
     group: LongArray = field(default_factory=lambda: np.zeros(0, np.int64))
     groups: tuple[str, ...] = ("",)
+    colours: FloatArray | None = None
+    marked: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    texture: LongArray | None = None
+
+    def vertex_groups(self) -> dict[str, NDArray[np.bool_]]:
+        """Which vertices are in each group that has a name, shape [v]; those of its polygons."""
+        found = dict(self.marked)
+        if len(self.group) == len(self.sizes):
+            of_corner = np.repeat(self.group, self.sizes)
+            for k, name in enumerate(self.groups):
+                if name:
+                    found[name] = np.zeros(len(self.vertices), bool)
+                    found[name][self.corners[of_corner == k]] = True
+        return found
 
     def fans(self) -> tuple[LongArray, LongArray]:
         """Triangles with each polygon as a fan about its first corner, and their polygons.

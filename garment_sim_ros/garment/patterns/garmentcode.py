@@ -101,7 +101,7 @@ def _panel(
     if not isinstance(listed, list) or not 2 <= len(listed) <= MOST_EDGES:
         raise GeometryError(f"{what}: 'edges' is no list of 2 to {MOST_EDGES}")
     edges = [_edge(f"{what} edge {i}", e, corners, metre, relative) for i, e in enumerate(listed)]
-    chain = _in_order(what, edges)
+    chain, edges = _in_order(what, edges)
     turn = np.eye(4)
     turn[:3, :3] = AXES_FROM_Y_UP @ _rotation(_vector(f"{what} rotation", entry, "rotation"))
     turn[:3, 3] = AXES_FROM_Y_UP @ _vector(f"{what} translation", entry, "translation") * metre
@@ -144,14 +144,19 @@ def _edge(what: str, entry: object, corners: FloatArray, metre: float, relative:
             f"{what} has the endpoints {ends!r:.60}; allowed: two corners, 0 to {len(corners) - 1}"
         )
     start, end = ends
+    if start == end:
+        raise GeometryError(f"{what} has no length; allowed: two different corners")
     curvature = known.get("curvature")
     label = str(known.get("label", ""))[:60]
-    if curvature is None:
+    if curvature is None or curvature == {} or curvature == []:
         return Edge(start=start, end=end, label=label)
     if isinstance(curvature, list):  # the data set of 2021: one control point
         curvature = {"type": "quadratic", "params": [curvature]}
     kind = _mapping(f"{what} curvature", curvature)
     params = kind.get("params")
+    bare = isinstance(params, list) and not any(isinstance(p, list) for p in params)
+    if kind.get("type") == "quadratic" and bare:
+        params = [params]  # the one control point itself, not a list of it
     if kind.get("type") == "circle":
         if not isinstance(params, list) or len(params) != 3:
             raise GeometryError(f"{what}: a circle needs radius, large and right")
@@ -192,28 +197,50 @@ def _flipped(edge: Edge) -> Edge:
     )
 
 
-def _in_order(what: str, edges: Sequence[Edge]) -> list[int]:
-    """Edges as they follow each other."""
-    of_start: dict[int, int] = {}
+def _turned(edge: Edge) -> Edge:
+    """The same edge run through from its end."""
+    arc = edge.arc
+    return replace(
+        edge,
+        start=edge.end,
+        end=edge.start,
+        controls=edge.controls[::-1],
+        arc=None if arc is None else replace(arc, right=not arc.right),
+    )
+
+
+def _in_order(what: str, edges: Sequence[Edge]) -> tuple[list[int], list[Edge]]:
+    """Numbers of the edges as they follow each other; all edges, those that ran back turned."""
+    at: dict[int, list[int]] = {}
     for i, edge in enumerate(edges):
-        if edge.start in of_start:
+        for corner in (edge.start, edge.end):
+            at.setdefault(corner, []).append(i)
+            if len(at[corner]) > 2:
+                first, second, third = at[corner]
+                raise GeometryError(
+                    f"{what}: edges {first}, {second} and {third} meet in one corner; allowed: "
+                    "one closed outline"
+                )
+    chain, along = [0], list(edges)
+    while True:
+        last = chain[-1]
+        following = [i for i in at[along[last].end] if i != last]
+        if not following:
             raise GeometryError(
-                f"{what}: edges {of_start[edge.start]} and {i} start at the same corner; allowed: "
-                "one closed outline"
+                f"{what} is open at the end of edge {last}; allowed: a closed outline"
             )
-        of_start[edge.start] = i
-    chain = [0]
-    while (following := of_start.get(edges[chain[-1]].end)) != 0:
-        if following is None:
-            raise GeometryError(
-                f"{what} is open at the end of edge {chain[-1]}; allowed: a closed outline"
-            )
-        if len(chain) == len(edges) or following in chain:
-            raise GeometryError(f"{what} has more than one outline; allowed: one")
-        chain.append(following)
+        (n,) = following
+        if n == 0:
+            break
+        if along[n].start != along[last].end:
+            along[n] = _turned(along[n])
+        chain.append(n)
     if len(chain) < len(edges):
         raise GeometryError(f"{what} has more than one outline; allowed: one")
-    return chain
+    if 2 * sum(a is not b for a, b in zip(along, edges, strict=True)) > len(edges):
+        # Most run the other way round, which tells the right side.
+        chain, along = [chain[0], *chain[:0:-1]], [_turned(edge) for edge in along]
+    return chain, along
 
 
 def _stitch(index: int, entry: object, order: Mapping[str, Sequence[int]]) -> Stitch:

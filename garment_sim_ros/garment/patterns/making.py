@@ -15,7 +15,6 @@ from garment_sim_ros.colliders.fit_cache import cached_fit
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError, ParameterError
-from garment_sim_ros.garment.dressing import NONE, dressed
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.materials import PRESETS
 from garment_sim_ros.garment.measures import Measures
@@ -130,13 +129,14 @@ class Model:
         self.poses: ColliderPoses = ColliderPoser(colliders, body).poses(T)
         self.distance = MeshDistance(self.skin, body.skin.triangles)
 
-    def for_legs(self) -> "Model":
-        """The same to sew what has legs on: a body without bones, its legs parted."""
+    def for_legs(self, material: Material) -> "Model":
+        """The same to sew what has legs on, of a fabric: a body without bones, its legs parted."""
         if self.measures is not None:
             return self
         tape = self.tape()
         crotch, mid = tape.floor + tape.crotch, float(tape.waist.centre[1])
-        return Model(self.body, parted(self.colliders, self.poses, crotch, mid))
+        room = max(self.colliders.thickness, material.thickness)
+        return Model(self.body, parted(self.colliders, self.poses, crotch, mid, room))
 
     def tape(self) -> Tape:
         """Its measurements.
@@ -147,11 +147,11 @@ class Model:
         return measured(self.skin, self.body.skin.triangles, self.body.name)
 
     def garment(self, vertices: FloatArray, triangles: IntArray, material: Material) -> Garment:
-        """A surface around it, following its bones where it has some that are known."""
-        mesh = GarmentMesh(vertices=vertices, triangles=triangles)
-        if self.measures is not None:
-            made, _ = dressed("sewn", mesh, self.measures, material, NONE)
-            return replace(made, vertices=vertices, triangles=triangles, skin_limits={})
+        """A surface around it.
+
+        The body stands still, so all of it is under the cloth: following one bone, no shape is
+        opposed to any (`sim.sides`), as forearms would be to folds over a bent elbow.
+        """
         bone = self.colliders.colliders[0].bone
         return Garment(
             name="sewn",
@@ -255,7 +255,7 @@ def make(
     pieces = cut(pattern, edge_length)
     tell("cutting", 1.0)
     if any(e.label in _OF_LEGS for p in pattern.panels.values() for e in p.edges):
-        model = model.for_legs()
+        model = model.for_legs(PRESETS[fabric].material)
     pieces, placed = placed_clear(pieces, model.distance, model.body.name)
     sewn = sew(pieces, placed, model, PRESETS[fabric].material, tell=tell)
     if not np.isfinite(sewn.vertices).all():
@@ -276,24 +276,19 @@ def _measured(sewn: Sewn, model: Model) -> Gates:
 def worn_together(made: Mapping[str, Made], model: Model) -> dict[str, Made]:
     """Garments that were sewn one by one, as they hang over each other.
 
-    They are put on as an outfit is, in the layers that they lie in, and come to rest.
+    They are put on as an outfit is, in the layers that they lie in, and come to rest: a shirt,
+    which is wide at its hem, hangs over a skirt, whichever was sewn first.
 
     Args:
-        made: The garments by name, inner ones first.
+        made: The garments by name.
         model: The body, of which the bones are known.
 
     Raises:
         GeometryError: The body lacks bones that an outfit needs.
     """
     entries = [
-        {
-            "name": name,
-            "mesh": "sewn",
-            "material": m.fabric,
-            "layer": k,
-            "self_collision": True,
-        }
-        for k, (name, m) in enumerate(made.items())
+        {"name": name, "mesh": "sewn", "material": m.fabric, "self_collision": True}
+        for name, m in made.items()
     ]
     outfit = make_outfit(
         outfit_from({"version": 1, "garments": entries}),

@@ -18,7 +18,9 @@ _BELOW, _ABOVE = 0.03, 0.05
 """How far the trunk reaches below the crotch, and legs above it [m]: parts overlap."""
 
 
-def parted(colliders: ColliderSet, poses: ColliderPoses, crotch: float, mid: float) -> ColliderSet:
+def parted(
+    colliders: ColliderSet, poses: ColliderPoses, crotch: float, mid: float, room: float = 0.0
+) -> ColliderSet:
     """Colliders with their sampled distances cut at the crotch and at the mid-plane.
 
     Args:
@@ -26,6 +28,7 @@ def parted(colliders: ColliderSet, poses: ColliderPoses, crotch: float, mid: flo
         poses: Where they are.
         crotch: Height of the crotch in the world [m].
         mid: The mid-plane's y in the world [m].
+        room: How far each leg stays off it [m]: thighs that touch give way to what is between.
     """
     made: list[Collider] = []
     for k, collider in enumerate(colliders.colliders):
@@ -39,8 +42,8 @@ def parted(colliders: ColliderSet, poses: ColliderPoses, crotch: float, mid: flo
         below = z - crotch - _ABOVE
         beyond = {
             "trunk": crotch - _BELOW - z,
-            "left_leg": np.maximum(below, mid - y),
-            "right_leg": np.maximum(below, y - mid),
+            "left_leg": np.maximum(below, mid - y + room),
+            "right_leg": np.maximum(below, y - mid + room),
         }
         made += [
             replace(collider, name=f"{collider.name}_{part}", geometry=_cut(grid, outside))

@@ -31,6 +31,8 @@ _MICRO = (0.0, 0.0, -0.5)
 """Gravity while it is sewn [m/s^2]."""
 _DRAG = 3.0
 """Drag of the air meanwhile [kg/(m^2 s)]."""
+_SLIP = 0.02
+"""Friction meanwhile: whoever dresses somebody pulls the cloth straight."""
 _STEP = 1 / 60
 _NAME = "sewn"
 WAIST = "waist"
@@ -173,15 +175,20 @@ def _whole(pieces: Pieces, x: FloatArray, wearer: Wearer, material: Material) ->
     )
 
 
-def _banded(pieces: Pieces, whole: Garment) -> Garment:
-    """The garment with its waist held as a band holds it: where it was sewn around the body."""
+def _waist(pieces: Pieces) -> IntArray:
+    """Vertices of the sewn garment that a band holds, shape [n]."""
     labels = [[e.label for e in panel.edges] for panel in pieces.pattern.panels.values()]
     band = [
         n
         for n, (panel, edge) in enumerate(zip(pieces.panel, pieces.edge, strict=True))
         if edge >= 0 and labels[panel][edge] == WAIST
     ]
-    pins = np.unique(pieces.welded[band]).astype(np.int32)
+    return np.unique(pieces.welded[band]).astype(np.int32)
+
+
+def _banded(pieces: Pieces, whole: Garment) -> Garment:
+    """The garment with its waist held as a band holds it: where it was sewn around the body."""
+    pins = _waist(pieces)
     return replace(whole, pins=pins, pin_frame=np.zeros(len(pins), np.int32))
 
 
@@ -189,9 +196,9 @@ def _joined(
     pieces: Pieces, closed: FloatArray, wearer: Wearer, material: Material, tell: Tell
 ) -> FloatArray:
     """The sewn garment after some time in micro-gravity [m], shape [v, 3]."""
-    slow = replace(material, air_drag=_DRAG)
+    slow = replace(material, air_drag=_DRAG, friction=_SLIP)
     x = ironed(pieces.joined(closed), pieces.sewn_triangles)
-    whole = _whole(pieces, x, wearer, slow)
+    whole = _banded(pieces, _whole(pieces, x, wearer, slow))
     simulation = Simulation(whole, wearer.colliders, gravity=_MICRO)
     simulation.reset(wearer.poses, settle=False)
     for n in range(_JOINING):
@@ -216,8 +223,11 @@ def _close(
     pieces: Pieces, placed: FloatArray, wearer: Wearer, material: Material, tell: Tell
 ) -> FloatArray:
     """The panels when all their stitches have closed [m], shape [n, 3]."""
+    slow = replace(material, air_drag=_DRAG)
+    if not len(_waist(pieces)):  # what has one would slip off it before it is a band
+        slow = replace(slow, friction=_SLIP)
     panels = replace(
-        wearer.garment(placed, pieces.triangles, replace(material, air_drag=_DRAG)),
+        wearer.garment(placed, pieces.triangles, slow),
         name=_NAME,
         flat=pieces.corners,
         stitches=pieces.stitches,

@@ -19,12 +19,14 @@ class Level:
         girth: Length of its convex outline [m].
         centre: Middle of its bounding box: x forward, y to the left [m].
         size: Its depth along x and its width along y [m].
+        outline: Corners of its convex outline in order [m], shape [k, 2].
     """
 
     height: float
     girth: float
     centre: tuple[float, float]
     size: tuple[float, float]
+    outline: FloatArray
 
     @property
     def front(self) -> float:
@@ -35,6 +37,13 @@ class Level:
     def back(self) -> float:
         """Its hindmost x [m]."""
         return self.centre[0] - 0.5 * self.size[0]
+
+    def before(self, x: float) -> float:
+        """Length of the part of its outline that lies in front of a plane across x [m]."""
+        a, b = self.outline, np.roll(self.outline, -1, axis=0)
+        ahead = np.maximum(a[:, 0], b[:, 0]) - x
+        span = np.maximum(np.abs(a[:, 0] - b[:, 0]), 1e-12)
+        return float((np.clip(ahead / span, 0.0, 1.0) * np.linalg.norm(b - a, axis=1)).sum())
 
 
 @dataclass(frozen=True)
@@ -81,6 +90,15 @@ def girth_of(points: FloatArray) -> float:
         return 0.0
 
 
+def _outline(points: FloatArray) -> FloatArray:
+    """Corners of the convex outline in order, of points on a line those [m], shape [k, 2]."""
+    try:
+        corners: FloatArray = points[ConvexHull(points).vertices]
+    except QhullError:
+        return points
+    return corners
+
+
 def level_of(height: float, points: FloatArray) -> Level:
     """A section of the trunk from its points."""
     low, high = points.min(axis=0), points.max(axis=0)
@@ -90,6 +108,7 @@ def level_of(height: float, points: FloatArray) -> Level:
         girth=girth_of(points),
         centre=(float(centre[0]), float(centre[1])),
         size=(float(size[0]), float(size[1])),
+        outline=_outline(points),
     )
 
 

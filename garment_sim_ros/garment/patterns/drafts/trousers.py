@@ -18,6 +18,7 @@ from garment_sim_ros.garment.patterns.drafts.upper import (
 )
 from garment_sim_ros.garment.patterns.pattern import Panel, Pattern, Placement, Seam, Stitch, loop
 from garment_sim_ros.garment.patterns.tape import Tape
+from garment_sim_ros.garment.patterns.tape_sections import Level, girth_of
 
 HEM, SIDE, WAIST, CROTCH, INSEAM = range(5)
 """Edges of a panel whose side seam is at its +x; mirrored panels have them in reverse order."""
@@ -30,6 +31,12 @@ _LEAST_EASE = 0.03
 _BULGE = 0.02, 0.16, 0.005
 """How far the side seam's control point is outside of the hips: from, to, step [m], on a person of
 1.65 m."""
+_DROP = 0.025, 0.08, 0.005
+"""How far the crotch is below the body's: from, to, step [m], on a person of 1.65 m."""
+_RISE_EASE = 0.02
+"""Ease of the seam around the crotch, as a share."""
+_MOST = 0.58
+"""Largest share of the front, or of the back, in a girth."""
 _DRAWN_OUT = {"front": 1.0 / 20.0, "back": 1.0 / 10.0}
 """How far the crotch point is drawn out, as a share of the hips."""
 _SLANT = {"front": 0.012, "back": 0.03}
@@ -40,14 +47,12 @@ _RISE = {"front": 0.0, "back": 0.04}
 
 def trousers(tape: Tape) -> Pattern:
     """Straight trousers from the waist to the ankles."""
-    x_front, x_back = front_and_back(tape, 0.3 * tape.crotch, tape.waist.height)
-    panels = {}
-    for half, forward, away in (("front", 1.0, x_front), ("back", -1.0, x_back)):
-        for side in ("left", "right"):
-            # A front's x runs to the wearer's left, a back's to the right.
-            outward = (side == "left") == (half == "front")
-            name = f"{side}_{half}"
-            panels[name] = _panel(name, half, tape, outward, forward, away)
+    around = (1.0 + _RISE_EASE) * _around_the_crotch(tape)
+    for drop in np.arange(*_DROP) * unit(tape):
+        panels = _panels(tape, drop)
+        seams = (("left_front", CROTCH), ("right_back", CROTCH))
+        if sum(panels[name].lengths[edge] for name, edge in seams) >= around:
+            break
     stitches = []
     for side in ("left", "right"):
         for edge in (SIDE, INSEAM):
@@ -61,13 +66,38 @@ def trousers(tape: Tape) -> Pattern:
     return Pattern(name="trousers", panels=panels, stitches=tuple(stitches))
 
 
-def _panel(name: str, half: str, tape: Tape, outward: bool, forward: float, away: float) -> Panel:
+def _panels(tape: Tape, drop: float) -> dict[str, Panel]:
+    """All four, whose crotch is so far below the body's [m]."""
+    x_front, x_back = front_and_back(tape, 0.3 * tape.crotch, tape.waist.height)
+    panels = {}
+    for half, forward, away in (("front", 1.0, x_front), ("back", -1.0, x_back)):
+        for side in ("left", "right"):
+            # A front's x runs to the wearer's left, a back's to the right.
+            outward = (side == "left") == (half == "front")
+            name = f"{side}_{half}"
+            panels[name] = _panel(name, half, tape, drop, outward, forward, away)
+    return panels
+
+
+def _around_the_crotch(tape: Tape) -> float:
+    """From the waist in front, between the legs and up to the waist behind, as a tape lies [m]."""
+    levels = [v for v in tape.levels if tape.crotch <= v.height <= tape.waist.height]
+    z = [v.height for v in levels]
+    points = np.array([[v.front for v in levels] + [v.back for v in levels], z + z]).T
+    return girth_of(points) - tape.waist.size[0]
+
+
+def _panel(
+    name: str, half: str, tape: Tape, drop: float, outward: bool, forward: float, away: float
+) -> Panel:
     u = unit(tape)
-    top, low = tape.waist.height, tape.crotch - 0.025 * u
+    top, low = tape.waist.height, tape.crotch - drop
     hem = 0.05 * tape.height
     hips = widest(tape, tape.crotch - 0.01, top)
-    hip = (1.0 + _HIP_EASE) * hips / 4.0
-    waist = min(((1.0 + _WAIST_EASE) * tape.waist.girth + STAND_OFF) / 4.0, hip)
+    levels = [v for v in tape.levels if tape.crotch - 0.01 <= v.height <= top] or [tape.hip]
+    hip = (1.0 + _HIP_EASE) * max(_part(tape, v, half) for v in levels) / 2.0
+    waist = (1.0 + _WAIST_EASE) * _part(tape, tape.waist, half) / 2.0 + STAND_OFF / 4.0
+    waist = min(waist, hip)
     out = _DRAWN_OUT[half] * hips
     out = max(out, (1.05 * tape.thigh + 0.03 * u) * (0.5 if half == "front" else 0.56) - hip)
     slant = min(_SLANT[half] * u, hip - waist)
@@ -90,7 +120,7 @@ def _panel(name: str, half: str, tape: Tape, outward: bool, forward: float, away
     middle = bezier(np.array([corners[3], *bend, corners[4]]))
     for bulge in np.arange(*_BULGE) * u:
         side: _Points = ((outer + 0.02 * u, knee), (hip + bulge, hip_height + 0.02 * u))
-        if _has_room(tape, top, middle, bezier(np.array([corners[1], *side, corners[2]]))):
+        if _has_room(tape, half, top, middle, bezier(np.array([corners[1], *side, corners[2]]))):
             break
     curves = {SIDE: side, CROTCH: bend, INSEAM: inner}
     labels = ("hem", "side", "waist", "crotch", "inseam")
@@ -115,11 +145,19 @@ def _panel(name: str, half: str, tape: Tape, outward: bool, forward: float, away
     )
 
 
-def _has_room(tape: Tape, top: float, middle: FloatArray, side: FloatArray) -> bool:
-    """Whether a panel is as wide as a quarter of the body from the crotch to the waist.
+def _part(tape: Tape, level: Level, half: str) -> float:
+    """Length of the front or back of a girth, before or behind the middle of the hips [m]."""
+    ahead = level.before(tape.hip.centre[0]) / level.girth
+    ahead = float(np.clip(ahead, 1.0 - _MOST, _MOST))
+    return level.girth * (ahead if half == "front" else 1.0 - ahead)
+
+
+def _has_room(tape: Tape, half: str, top: float, middle: FloatArray, side: FloatArray) -> bool:
+    """Whether a panel is as wide as half of the front or back from the crotch to the waist.
 
     Args:
         tape: The body.
+        half: "front" or "back".
         top: Height of the waist [m].
         middle: The crotch seam from the waist down [m], shape [n, 2].
         side: The side seam from the hem up, likewise.
@@ -128,7 +166,7 @@ def _has_room(tape: Tape, top: float, middle: FloatArray, side: FloatArray) -> b
     z = np.array([v.height for v in levels])
     inner = np.interp(z, middle[::-1, 1], middle[::-1, 0])
     width = np.interp(z, side[:, 1], side[:, 0]) - np.maximum(inner, 0.0)
-    least = 0.25 * (1.0 + _LEAST_EASE) * np.array([v.girth for v in levels])
+    least = 0.5 * (1.0 + _LEAST_EASE) * np.array([_part(tape, v, half) for v in levels])
     return bool((width[z < top - 0.02] >= least[z < top - 0.02]).all())
 
 

@@ -20,6 +20,7 @@ from garment_sim_ros.garment.patterns.drafts.upper import (
     UNDER_PLUS,
     Trunk,
     armhole,
+    bent,
     crown_height,
     facing,
     front_and_back,
@@ -35,6 +36,10 @@ _EASE = 0.11
 """Ease of the bust, as a share of it."""
 _HEM_EASE = 0.05
 """The same of the widest girth above the hem."""
+_STEEPER = 0.017
+"""How much lower the shoulder's end is than on the body [m] on a person of 1.65 m."""
+_MOST_AHEAD = 0.6
+"""Largest share of the front in the girth."""
 _ARM_EASE = 0.085
 """Ease of the sleeve [m] on a person of 1.65 m."""
 _BELOW_ARMPIT = 0.05, 0.1
@@ -42,8 +47,10 @@ _BELOW_ARMPIT = 0.05, 0.1
 _CROWN = 0.27
 """Height of the sleeve's crown, as a share of its width: so a tube is cut that leaves the trunk at
 40 degrees below the horizontal."""
-_SLEEVE = 0.4
-"""Length of a short sleeve, as a share of the arm."""
+_ELBOW = 0.6
+"""Sleeves longer than this share of the arm cover the elbow."""
+_SLEEVE = 0.44
+"""Where a short sleeve ends, as a share of the arm."""
 
 
 def tshirt(tape: Tape) -> Pattern:
@@ -61,7 +68,7 @@ def _shirt(name: str, tape: Tape, sleeve: float) -> Pattern:
     width = max(arm.upper for arm in tape.arms) + _ARM_EASE * u
     # As deep an armhole as the crown is long.
     for below in np.linspace(*_BELOW_ARMPIT, 11) * u:
-        size = trunk_sizes(tape, below=below)
+        size = _fitted(tape, trunk_sizes(tape, below=below))
         x_front, x_back = front_and_back(tape, size["front"].hem[0], size["front"].neck[0])
         front = trunk_panel("front", size["front"], facing(tape, 1.0, x_front))
         back = trunk_panel("back", size["back"], facing(tape, -1.0, x_back))
@@ -70,7 +77,7 @@ def _shirt(name: str, tape: Tape, sleeve: float) -> Pattern:
     panels = {
         "front": front,
         "back": back,
-        **sleeves(tape, armhole(front) + armhole(back), sleeve),
+        **sleeves(tape, armhole(front) + armhole(back), sleeve, size["front"].shoulder[1]),
     }
     return Pattern(name=name, panels=panels, stitches=shirt_stitches())
 
@@ -106,22 +113,53 @@ def trunk_sizes(
     return {"front": front, "back": replace(front, neck_depth=0.02 * u, hollow=0.004 * u)}
 
 
-def sleeves(tape: Tape, crown: float, length: float) -> dict[str, Panel]:
+def _fitted(tape: Tape, sizes: dict[str, Trunk]) -> dict[str, Trunk]:
+    """The same sizes, with as much of the girth in front as the body has there.
+
+    Side seams hang straight below the shoulders, and more than half of a chest lies before these.
+    The back stays wider than the shoulders are. Shoulder seams fall more steeply than the body's
+    shoulders do: a shirt whose seams do not would hang by two points beside its neck.
+    """
+    plane = 0.5 * float(tape.arms[0].shoulder[0] + tape.arms[1].shoulder[0])
+    (low, hem), (underarm, chest) = sizes["front"].hem, sizes["front"].chest
+    levels = [v for v in tape.levels if tape.waist.height <= v.height <= underarm]
+    levels = levels or [tape.bust]
+    share = max(v.before(plane) for v in levels) / max(v.girth for v in levels)
+    spare = chest - sizes["back"].shoulder[1] - 0.02 * unit(tape)
+    most = min(max(spare, 0.0), (2.0 * _MOST_AHEAD - 1.0) * chest)
+    wider = float(np.clip((2.0 * share - 1.0) * chest, 0.0, most))
+    return {
+        side: replace(
+            size,
+            hem=(low, hem + more),
+            chest=(underarm, chest + more),
+            shoulder=(size.shoulder[0] - _STEEPER * unit(tape), size.shoulder[1]),
+        )
+        for (side, size), more in zip(sizes.items(), (wider, -wider), strict=True)
+    }
+
+
+def sleeves(tape: Tape, crown: float, length: float, shoulder: float) -> dict[str, Panel]:
     """Both sleeves.
 
     Args:
         tape: The body.
         crown: Length of front and back armhole together [m].
-        length: From the crown's top, as a share of the arm.
+        length: Where they end, as a share of the arm.
+        shoulder: Half the width of the trunk's shoulders, from which they hang [m].
     """
     u = unit(tape)
+    dropped = shoulder - 0.5 * tape.shoulder
     made = {}
     for side, arm in zip(("left", "right"), tape.arms, strict=True):
         width = min(arm.upper + _ARM_EASE * u, 0.94 * crown)
         k = int(np.clip(length * len(arm.girths), 0, len(arm.girths) - 1))
-        cuff = min(float(arm.girths[k:].max()) + (0.07 if length < 0.6 else 0.05) * u, width)
+        cuff = min(float(arm.girths[k:].max()) + (0.07 if length < _ELBOW else 0.05) * u, width)
         name = f"{side}_sleeve"
-        made[name] = sleeve_panel(name, arm, crown, width, length * arm.length, cuff)
+        down = length * arm.length - dropped
+        if length > _ELBOW:  # around the outside of a bent elbow it is farther than inside
+            down += float(np.linalg.norm(bent(arm))) * arm.upper / (2.0 * np.pi)
+        made[name] = sleeve_panel(name, arm, crown, width, down, cuff)
     return made
 
 

@@ -179,14 +179,20 @@ def sleeve_panel(
 
 def _elbow(arm: Arm, rise: float, R_world_panel: FloatArray) -> Joint:
     """Where a sleeve turns, whose crown's top is at the shoulder, `rise` up its y."""
+    turn = bent(arm)
+    far = float(np.linalg.norm(arm.elbow - arm.shoulder))
+    return Joint(y=rise - far, turn=R_world_panel.T @ turn)
+
+
+def bent(arm: Arm) -> FloatArray:
+    """The turn at the elbow: an axis as long as its angle [rad], shape [3]."""
     fore = arm.wrist_place - arm.elbow
     fore /= np.linalg.norm(fore)
-    turn = np.cross(arm.direction, fore)
+    turn: FloatArray = np.cross(arm.direction, fore)
     sine = float(np.linalg.norm(turn))
     if sine > 0.0:
         turn *= np.arctan2(sine, float(arm.direction @ fore)) / sine
-    far = float(np.linalg.norm(arm.elbow - arm.shoulder))
-    return Joint(y=rise - far, turn=R_world_panel.T @ turn)
+    return turn
 
 
 def _crown_controls(half: float, rise: float) -> tuple[tuple[float, float], ...]:

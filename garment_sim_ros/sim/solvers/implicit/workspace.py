@@ -7,6 +7,7 @@ from scipy.sparse import coo_matrix
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.constants import GRAVITY
+from garment_sim_ros.sim.elastic import with_bands
 from garment_sim_ros.sim.elasticity import (
     Hinges,
     edge_stiffness,
@@ -122,8 +123,13 @@ class ImplicitWorkspace(Workspace):
         most = stiffness_by_weight(model.material, extent, _HARDLY)
         edges = model.springs.particles.reshape(-1, 2)[model.springs.bending :].astype(np.int32)
         edges = edges[np.argsort(edges.min(axis=1), kind="stable")]
-        stiffness = edge_stiffness(
-            rest, triangles, edges, no_stiffer(model.material, most), model.corners
+        stiffness, length = with_bands(
+            model.bands,
+            edges,
+            edge_stiffness(
+                rest, triangles, edges, no_stiffer(model.material, most), model.corners
+            ),
+            edge_lengths(model.corners, triangles, edges),
         )
         bending = hinges(rest, triangles, model.material, model.corners)
         used = (bending.particles < n).any(axis=1) & (bending.stiffness > 0.0)
@@ -148,9 +154,7 @@ class ImplicitWorkspace(Workspace):
             cloth=Cloth(
                 edge_particles=np.ascontiguousarray(edges.ravel(), np.uint32),
                 edge_place=column[edges].ravel(),
-                rest_squared=(edge_lengths(model.corners, triangles, edges) ** 2).astype(
-                    np.float32
-                ),
+                rest_squared=(length**2).astype(np.float32),
                 edge_stiffness=stiffness.astype(np.float32),
                 hinge_particles=np.ascontiguousarray(bending.particles),
                 hinge_place=column[bending.particles],

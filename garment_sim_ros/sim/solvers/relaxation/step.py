@@ -104,7 +104,7 @@ def _correct(piece: Piece, step: Step) -> None:
         state.x.reshape(-1),
         workspace.wide,
         springs.particles,
-        springs.rest_length,
+        springs.drawn_length,
         springs.share,
         springs.colour_start,
         step.params.settings.sweeps,

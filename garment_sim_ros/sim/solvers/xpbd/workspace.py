@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
+from garment_sim_ros.sim.elastic import with_bands
 from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.rest_shape import edge_lengths
@@ -104,12 +105,17 @@ class XpbdWorkspace(Workspace):
         used = used[in_fours(bending.particles[used])[0]]
         m, h = len(edges), len(used)
         lightness = (weight[bending.particles[used]] * bending.weight[used] ** 2).sum(axis=1)
-        rest_squared = edge_lengths(model.corners, triangles, edges) ** 2
+        stiffness, length = with_bands(
+            model.bands,
+            edges,
+            edge_stiffness(rest, triangles, edges, model.material, model.corners),
+            edge_lengths(model.corners, triangles, edges),
+        )
         return cls(
             **vars(Workspace.room_for(model, shapes)),
-            rest_squared=rest_squared,
+            rest_squared=length**2,
             extent=float(np.ptp(rest, axis=0).max()),
-            stiffness=edge_stiffness(rest, triangles, edges, model.material, model.corners),
+            stiffness=stiffness,
             hinge_weight=np.ascontiguousarray(bending.weight[used]),
             hinge_stiffness=np.ascontiguousarray(bending.stiffness[used]),
             hinge_rate=np.sqrt(bending.stiffness[used] * lightness),
