@@ -36,8 +36,6 @@ _EASE = 0.11
 """Ease of the bust, as a share of it."""
 _HEM_EASE = 0.05
 """The same of the widest girth above the hem."""
-_STEEPER = 0.017
-"""How much lower the shoulder's end is than on the body [m] on a person of 1.65 m."""
 _MOST_AHEAD = 0.6
 """Largest share of the front in the girth."""
 _ARM_EASE = 0.085
@@ -117,8 +115,7 @@ def _fitted(tape: Tape, sizes: dict[str, Trunk]) -> dict[str, Trunk]:
     """The same sizes, with as much of the girth in front as the body has there.
 
     Side seams hang straight below the shoulders, and more than half of a chest lies before these.
-    The back stays wider than the shoulders are. Shoulder seams fall more steeply than the body's
-    shoulders do: a shirt whose seams do not would hang by two points beside its neck.
+    The back stays wider than the shoulders are.
     """
     plane = 0.5 * float(tape.arms[0].shoulder[0] + tape.arms[1].shoulder[0])
     (low, hem), (underarm, chest) = sizes["front"].hem, sizes["front"].chest
@@ -129,12 +126,7 @@ def _fitted(tape: Tape, sizes: dict[str, Trunk]) -> dict[str, Trunk]:
     most = min(max(spare, 0.0), (2.0 * _MOST_AHEAD - 1.0) * chest)
     wider = float(np.clip((2.0 * share - 1.0) * chest, 0.0, most))
     return {
-        side: replace(
-            size,
-            hem=(low, hem + more),
-            chest=(underarm, chest + more),
-            shoulder=(size.shoulder[0] - _STEEPER * unit(tape), size.shoulder[1]),
-        )
+        side: replace(size, hem=(low, hem + more), chest=(underarm, chest + more))
         for (side, size), more in zip(sizes.items(), (wider, -wider), strict=True)
     }
 
