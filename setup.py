@@ -11,6 +11,7 @@ REQUIRES = [
     "backports.zstd>=1.0",
     "defusedxml>=0.7",
     "embreex>=2.17; platform_machine == 'x86_64'",  # no wheels elsewhere; only renders need it
+    "llvmlite>=0.43",  # what numba 0.60 has
     "numba>=0.60",
     "numpy>=1.26",
     "pillow>=10.2",

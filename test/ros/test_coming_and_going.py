@@ -140,9 +140,9 @@ def test_avatars_that_come_and_go_leave_nothing(outfit, make_probe, until, count
         assert me.num_threads() <= threads + 3  # those that come and go
         assert [here(k) for k in (MocapPlayer, ColliderNode, ClothNode)] == [1, 1, 1]
         # 25 KiB are left of each. What is held for a moment differs by 2 MiB, and what the C
-        # library keeps of it by 20.
+        # library keeps of it by up to 40.
         assert in_use() - before < 5 * 2**20
-        assert me.memory_info().rss - resident < 32 * 2**20
+        assert me.memory_info().rss - resident < 64 * 2**20
         until(
             lambda: not [n for n in probe.node.get_node_names_and_namespaces() if "guest" in n[1]],
             "all guests to have gone",

@@ -75,6 +75,7 @@ def test_axes_are_found_from_the_shape(tmp_path, rotation, note):
         ("v 0 0 0\nf 1 1 -2\n", "not there"),
         ("v 0 0 0\nf 0 1 2\n", "line 2"),
         ("v 0 0\n", "line 1"),
+        (f"v 0 0 0\nvt 0 0\nf 1/1 1/{10**30} 1/1\n", "line 3"),
         ("v 0 zero 0\n", "line 1"),
         ("v 0 nan 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "vertex 0 is not finite"),
         ("v 0 0 0\nv 1 0 0\nf 1 2\n", "line 3"),

@@ -22,6 +22,7 @@ PIP = {
     "backports": ("backports.zstd", "python3-backports-zstd-pip"),
     "defusedxml": ("defusedxml", "python3-defusedxml"),
     "embreex": ("embreex", "python3-embreex-pip"),
+    "llvmlite": ("llvmlite", "python3-llvmlite-pip"),
     "numba": ("numba", "python3-numba-pip"),
     "numpy": ("numpy", "python3-numpy"),
     "rosbags": ("rosbags", "python3-rosbags-pip"),

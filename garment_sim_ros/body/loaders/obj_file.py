@@ -48,7 +48,7 @@ def read_obj(path: str | Path) -> Polygons:
                 texture_points += 1
             elif kind in ("g", "o"):
                 group = groups.setdefault(" ".join(fields), len(groups))
-        except ValueError:
+        except (ValueError, OverflowError):
             raise InputFileError(
                 path, f"line {number} reads {line[:60]!r}", "allowed: v x y z, f i j k ..."
             ) from None
