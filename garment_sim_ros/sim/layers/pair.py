@@ -20,7 +20,7 @@ from garment_sim_ros.arrays import IntArray, SingleArray
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology, triangles_across
 from garment_sim_ros.jit import compiled
-from garment_sim_ros.sim.layers.kernels import PATIENCE, SEPARATING_SPEED, find_close, separate
+from garment_sim_ros.sim.layers.kernels import SEPARATING_SPEED, find_close, separate
 from garment_sim_ros.sim.layers.nearest import find_triangles, take_from_neighbours
 from garment_sim_ros.sim.layers.untangled import Untangled
 from garment_sim_ros.sim.model import ClothModel
@@ -201,12 +201,10 @@ class LayerPair:
 
 
 def _led(meeting: Meeting) -> SingleArray:
-    """Where the order of layers leads particles that are through the other garment, [n, 3]."""
+    """Where its side of the other garment is for particles close to that, [n, 3]."""
     led = np.zeros_like(meeting.x)
     close = meeting.close[: meeting.found[0]]
-    pushed = meeting.pushed[close]
-    now = (pushed > 0.0) & (pushed < PATIENCE * meeting.reach)
-    led[close[now]] = meeting.plane[: len(close), :3][now]
+    led[close] = meeting.plane[: len(close), :3]
     return led
 
 

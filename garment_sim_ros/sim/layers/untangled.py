@@ -24,6 +24,8 @@ _SOFTNESS = 0.3
 """Gradients of a contour's length below this move by less than that; a border's is 1."""
 _ROOM = 4
 """Crossings that there is room for: one for so many triangles."""
+_PARTICLES = (0, 1, 4, 5, 6)
+"""Of a crossing: the ends of the edge, the corners of the triangle."""
 
 
 class Untangled:
@@ -49,7 +51,7 @@ class Untangled:
         self._boxes = Boxes.room_for(self._mesh)
         self._found = np.zeros((max(t // _ROOM, 1), 7), np.int32)
         self._x, self._v = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
-        self._w = np.zeros(count, np.float32)
+        self._w, self._touches = np.zeros(count, np.float32), np.zeros(count, np.bool_)
         self._first_is_still = False
         self.forget()
 
@@ -62,13 +64,13 @@ class Untangled:
         self._first_is_still = still
 
     def part(self, dt: float, led: Sequence[SingleArray]) -> None:
-        """Shortens the contours after a step; what touches a shape stays where it is.
+        """Shortens the contours after a step, but where they are on cloth that touches a shape.
 
         Args:
             dt: The step [s].
-            led: Where particles of the first and of the second garment are led by the order of
-                layers, unit vectors, zero for those that are not, shapes [n, 3]: a shorter contour
-                may lead the other way.
+            led: Where their side is, by the order of layers, for particles of the first and of the
+                second garment, unit vectors, zero where it is not known, shapes [n, 3]: a shorter
+                contour may lead the other way.
         """
         looks = self.crossings > 0 or self._steps % _LOOK_EVERY == 0
         self._steps += 1
@@ -81,13 +83,17 @@ class Untangled:
         for piece, part in self._parts:
             self._v[part] = piece.state.v
             self._w[part] = piece.model.inverse_mass
-            touched = np.flatnonzero(piece.workspace.contacts.shape >= 0)
-            self._w[part.start + touched] = 0.0
+            shape = piece.workspace.contacts.shape
+            self._touches[part.start : part.start + len(shape)] = shape >= 0
         if self._first_is_still:
             self._w[self._parts[0][1]] = 0.0
+        # Pushed on, cloth that lies on the body goes into it, and limbs come through.
+        found = self._found[: self.crossings]
+        left = found[~self._touches[found[:, _PARTICLES]].any(axis=1)]
+        found[: len(left)] = left
         # In any case, so that all is compiled before it is needed.
         moved = untangle(
-            *(self._x, self._v, self._w, self._found, self.crossings),
+            *(self._x, self._v, self._w, self._found, len(left)),
             *(np.float32(_SPEED * dt), np.float32(_SOFTNESS)),
         )
         if not moved:
