@@ -236,6 +236,14 @@ def segments(pid):
     return {w for w in words if w.startswith("/dev/shm/fastrtps_") and "port" not in w}
 
 
+def lives(process):
+    """Whether a process is there and has not ended."""
+    try:
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
 def is_left(file):
     """Whether shared memory is there whose owner, who holds a lock beside it, is not."""
     if not os.path.exists(file):
@@ -272,7 +280,8 @@ def test_an_end_leaves_nothing(command, make_probe, until, outfit, number, when)
     assert "Traceback" not in process.said
     assert "error" not in process.said.lower()
     assert not [file for file in shared if is_left(file)]
-    assert not [child for child in children if child.is_running()]
+    # Those that compile end by themselves, with the process that started them.
+    until(lambda: not [child for child in children if lives(child)], "its processes to end")
     until(
         lambda: not [n for n in probe.node.get_node_names_and_namespaces() if "avatar_" in n[1]],
         "nobody to be there any more",
