@@ -7,8 +7,12 @@ from hypothesis import strategies as st
 from naive import naive_layers, naive_self_collision
 
 from garment_sim_ros.geometry.topology import mesh_topology, triangles_across
-from garment_sim_ros.sim.layers.crossings import Boxes, find_crossings
-from garment_sim_ros.sim.layers.kernels import find_close_one_way, separate_one_way
+from garment_sim_ros.sim.layers.crossings import Boxes, find_crossings, leave_out
+from garment_sim_ros.sim.layers.kernels import (
+    find_close_one_way,
+    keep_to_side,
+    separate_one_way,
+)
 from garment_sim_ros.sim.layers.nearest import find_triangles, take_from_neighbours
 from garment_sim_ros.sim.layers.pair import Meeting
 from garment_sim_ros.sim.self_collision.patches import Mesh
@@ -211,3 +215,34 @@ def test_what_is_not_finite_crosses_nothing(cloth):
     split = int((mesh.triangles[mesh.first[:-1], 0] < len(under[0])).sum())
     boxes, room = Boxes.room_for(mesh), np.zeros((9, 7), np.int32)
     assert find_crossings(x, mesh, split, boxes, room) == 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_crossings_of_what_touches_are_left_out(seed):
+    rng = np.random.default_rng(seed)
+    crossings = rng.integers(0, 50, (40, 7)).astype(np.int32)
+    touches = rng.random(50) < 0.2
+    expected = [c for c in crossings.tolist() if not any(touches[c[k]] for k in (0, 1, 4, 5, 6))]
+    left = leave_out(touches, crossings, len(crossings))
+    assert 0 < left < 40
+    assert crossings[:left].tolist() == expected
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_close_particles_are_not_moved_from_their_side(cloth, seed, side):
+    (over, under), triangles = sheets(cloth, seed)
+    one = meeting(over, under, triangles, found(over[0], under[0], triangles), side=side)
+    find_close_one_way(one)
+    close = one.close[: one.found[0]]
+    normal = np.zeros(over[0].shape)
+    normal[close] = one.plane[: len(close), :3]
+    rng = np.random.default_rng(seed)
+    x = over[0] + rng.normal(0.0, 1e-3, over[0].shape).astype(np.float32)
+    v = over[1] + np.float32(1.0)
+    stays = ((x - over[0]) * normal).sum(axis=1) < 0.0
+    assert 5 < stays.sum() < len(close)
+    expected = np.where(stays[:, None], over[0], x), np.where(stays[:, None], over[1], v)
+    keep_to_side(one, x, v)
+    np.testing.assert_array_equal(x, expected[0])
+    np.testing.assert_array_equal(v, expected[1])

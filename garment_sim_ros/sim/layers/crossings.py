@@ -170,3 +170,26 @@ def find_crossings(x, mesh, split, scratch, crossings):
                         count = _add_edges(x, mesh, t, u, crossings, count)
                         count = _add_edges(x, mesh, u, t, crossings, count)
     return count
+
+
+@lean_kernel()
+def leave_out(touches, crossings, count):
+    """Leaves out the crossings in which a particle takes part that touches a shape.
+
+    Args:
+        touches: Whether each particle does, shape [n].
+        crossings: As of `find_crossings`, changed in place.
+        count: Number of them.
+
+    Returns:
+        How many are left, the first ones.
+    """
+    left = 0
+    for c in range(count):
+        a, b = crossings[c, 0], crossings[c, 1]
+        i, j, k = crossings[c, 4], crossings[c, 5], crossings[c, 6]
+        for n in range(crossings.shape[1]):
+            crossings[left, n] = crossings[c, n]
+        if not (touches[a] or touches[b] or touches[i] or touches[j] or touches[k]):
+            left += 1
+    return left

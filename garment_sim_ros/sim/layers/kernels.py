@@ -237,6 +237,24 @@ def separate_one_way(meeting):
 
 
 @lean_kernel()
+def keep_to_side(meeting, x, v):
+    """Takes back what would move close particles away from their side.
+
+    Args:
+        meeting: `layers.pair.Meeting`, as it was before; what it tells stays.
+        x: Positions of its particles after the movement, changed in place [m], shape [n, 3].
+        v: Velocities likewise [m/s], shape [n, 3].
+    """
+    plane, zero = meeting.plane, np.float32(0.0)
+    for n in range(meeting.found[0]):
+        p = meeting.close[n]
+        ux, uy, uz = less(row(x, p), row(meeting.x, p))
+        if ux * plane[n, 0] + uy * plane[n, 1] + uz * plane[n, 2] < zero:
+            for k in range(3):
+                x[p, k], v[p, k] = meeting.x[p, k], meeting.v[p, k]
+
+
+@lean_kernel()
 def find_close(one_way, other_way):
     """`find_close_one_way` for both `layers.pair.Meeting` of a pair of garments."""
     find_close_one_way(one_way)

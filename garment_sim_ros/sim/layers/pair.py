@@ -183,7 +183,7 @@ class LayerPair:
 
     def untangle(self, dt: float) -> None:
         """Frees what runs through the other garment, after a step of dt [s]."""
-        of_outer, of_inner = map(_led, self._meetings)
+        of_outer, of_inner = self._meetings
         self._untangled.part(dt, (of_inner, of_outer))
 
     def keep_inner_still(self, still: bool) -> None:
@@ -198,14 +198,6 @@ class LayerPair:
             of_outer = of_outer._replace(other_inverse_mass=self._still)
             of_inner = of_inner._replace(inverse_mass=self._still)
         self._meetings = of_outer, of_inner
-
-
-def _led(meeting: Meeting) -> SingleArray:
-    """Where its side of the other garment is for particles close to that, [n, 3]."""
-    led = np.zeros_like(meeting.x)
-    close = meeting.close[: meeting.found[0]]
-    led[close] = meeting.plane[: len(close), :3]
-    return led
 
 
 def _meeting(

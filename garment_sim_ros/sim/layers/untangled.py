@@ -6,15 +6,18 @@ the contours along which the garments cut each other are made shorter (Volino & 
 2006), as a garment's own are, see `self_collision.untangling`.
 """
 
-from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from garment_sim_ros.arrays import SingleArray
-from garment_sim_ros.sim.layers.crossings import Boxes, find_crossings
+from garment_sim_ros.sim.layers.crossings import Boxes, find_crossings, leave_out
+from garment_sim_ros.sim.layers.kernels import keep_to_side
 from garment_sim_ros.sim.piece import Piece
 from garment_sim_ros.sim.self_collision.patches import Mesh
 from garment_sim_ros.sim.self_collision.untangling import untangle
+
+if TYPE_CHECKING:
+    from garment_sim_ros.sim.layers.pair import Meeting
 
 _LOOK_EVERY = 3
 """Steps between two looks for crossings where there were none."""
@@ -24,8 +27,6 @@ _SOFTNESS = 0.3
 """Gradients of a contour's length below this move by less than that; a border's is 1."""
 _ROOM = 4
 """Crossings that there is room for: one for so many triangles."""
-_PARTICLES = (0, 1, 4, 5, 6)
-"""Of a crossing: the ends of the edge, the corners of the triangle."""
 
 
 class Untangled:
@@ -63,14 +64,13 @@ class Untangled:
         """Whether only the second garment gives way."""
         self._first_is_still = still
 
-    def part(self, dt: float, led: Sequence[SingleArray]) -> None:
+    def part(self, dt: float, meetings: "tuple[Meeting, Meeting]") -> None:
         """Shortens the contours after a step, but where they are on cloth that touches a shape.
 
         Args:
             dt: The step [s].
-            led: Where their side is, by the order of layers, for particles of the first and of the
-                second garment, unit vectors, zero where it is not known, shapes [n, 3]: a shorter
-                contour may lead the other way.
+            meetings: What the order of layers knows of the first and of the second garment: a
+                shorter contour may lead particles away from their side, which is taken back.
         """
         looks = self.crossings > 0 or self._steps % _LOOK_EVERY == 0
         self._steps += 1
@@ -84,21 +84,18 @@ class Untangled:
             self._v[part] = piece.state.v
             self._w[part] = piece.model.inverse_mass
             shape = piece.workspace.contacts.shape
-            self._touches[part.start : part.start + len(shape)] = shape >= 0
+            free = slice(part.start, part.start + len(shape))
+            np.greater_equal(shape, 0, out=self._touches[free])
         if self._first_is_still:
             self._w[self._parts[0][1]] = 0.0
         # Pushed on, cloth that lies on the body goes into it, and limbs come through.
-        found = self._found[: self.crossings]
-        left = found[~self._touches[found[:, _PARTICLES]].any(axis=1)]
-        found[: len(left)] = left
-        # In any case, so that all is compiled before it is needed.
-        moved = untangle(
-            *(self._x, self._v, self._w, self._found, len(left)),
+        left = leave_out(self._touches, self._found, self.crossings)
+        # All of it in any case, so that it is compiled before it is needed.
+        untangle(
+            *(self._x, self._v, self._w, self._found, left),
             *(np.float32(_SPEED * dt), np.float32(_SOFTNESS)),
         )
-        if not moved:
-            return
-        for (piece, part), way in zip(self._parts, led):
-            x, v = piece.state.x, piece.state.v
-            goes = np.einsum("nk,nk->n", self._x[part] - x, way) >= 0.0
-            x[goes], v[goes] = self._x[part][goes], self._v[part][goes]
+        for (piece, part), meeting in zip(self._parts, meetings):
+            keep_to_side(meeting, self._x[part], self._v[part])
+            if left:
+                piece.state.x[:], piece.state.v[:] = self._x[part], self._v[part]
