@@ -159,13 +159,10 @@ class Poses(_Template):
         return self._bytes.tobytes()
 
 
-class StampedPose(_Template):
-    """PoseStamped in the frame `frame_id`."""
+class _OnePose(_Template):
+    """A message with one stamp and one pose behind it."""
 
-    def __init__(self, frame_id: str) -> None:
-        message = PoseStamped(pose=_marked_pose())
-        message.header.stamp = _MARKED_TIME
-        message.header.frame_id = frame_id
+    def __init__(self, message: Any) -> None:
         super().__init__(message, (_STAMP_SIZE, _POSE_SIZE))
         self._pose = self._numbers(1, np.float64, 7)[0]
 
@@ -177,7 +174,17 @@ class StampedPose(_Template):
         return self._bytes.tobytes()
 
 
-class RootFrame(_Template):
+class StampedPose(_OnePose):
+    """PoseStamped in the frame `frame_id`."""
+
+    def __init__(self, frame_id: str) -> None:
+        message = PoseStamped(pose=_marked_pose())
+        message.header.stamp = _MARKED_TIME
+        message.header.frame_id = frame_id
+        super().__init__(message)
+
+
+class RootFrame(_OnePose):
     """TFMessage with one transform.
 
     Its type need not be installed: the bytes are made from its definition.
@@ -202,15 +209,7 @@ class RootFrame(_Template):
         )
         message = made["TFMessage"](transforms=[transform])
         data = bytes(types.serialize_cdr(message, "tf2_msgs/msg/TFMessage"))
-        super().__init__(data, (_STAMP_SIZE, _POSE_SIZE))
-        self._pose = self._numbers(1, np.float64, 7)[0]
-
-    def fill(self, stamp: int, position: FloatArray, orientation: FloatArray) -> bytes:
-        """The message at a time [ns] for a position [m] and a unit quaternion."""
-        self._write_stamp(0, stamp)
-        self._pose[:3] = position
-        self._pose[3:] = orientation
-        return self._bytes.tobytes()
+        super().__init__(data)
 
 
 class Joints(_Template):

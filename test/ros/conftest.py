@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from ros_input.one_process import OUTFIT, Command
 from ros_input.processes import NodeProcess, Probe, wait_until
 
 from garment_sim_ros.cli.node_processes import own_network
@@ -56,3 +57,25 @@ def make_probe() -> Iterator[Callable[[str], Probe]]:
 def until() -> Callable[..., Any]:
     """`wait_until`."""
     return wait_until
+
+
+@pytest.fixture(scope="session")
+def outfit(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """An outfit file of one small garment."""
+    path = tmp_path_factory.mktemp("outfit") / "outfit.yaml"
+    path.write_text(OUTFIT)
+    return str(path)
+
+
+@pytest.fixture
+def command() -> Iterator[Callable[..., Command]]:
+    """Starts `garment-sim run`; it ends with the test."""
+    started: list[Command] = []
+
+    def start(*words: str) -> Command:
+        started.append(Command(*words))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.end()

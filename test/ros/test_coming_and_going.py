@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from rclpy.node import Node
+from ros_input.one_process import LIMIT, wearing
 
 from garment_sim_ros.ros.cloth_node import ClothNode
 from garment_sim_ros.ros.collider_node import ColliderNode
@@ -18,20 +19,6 @@ from garment_sim_ros.ros.one_process import OneProcess, in_step
 from garment_sim_ros.ros.place import Place
 
 pytestmark = pytest.mark.ros
-
-LIMIT = 180.0
-OUTFIT = """
-version: 1
-garments:
-  - {name: skirt, generator: short_skirt, options: {vertices: 500}}
-"""
-
-
-@pytest.fixture(scope="module")
-def outfit(tmp_path_factory):
-    path = tmp_path_factory.mktemp("outfit") / "outfit.yaml"
-    path.write_text(OUTFIT)
-    return str(path)
 
 
 def wait_for(process, condition):
@@ -44,11 +31,7 @@ def wait_for(process, condition):
 
 def test_no_avatar_starves_where_there_is_too_much_to_do(outfit):
     """One thread for more than it can do: all have frames, and as many."""
-    given = {
-        "mocap_player": {},
-        "collider_node": {"outfit": outfit},
-        "cloth_node": {"outfit": outfit, "rate": 240.0, "preset": "accurate"},
-    }
+    given = wearing(outfit, rate=240.0, preset="accurate")
     with OneProcess(threads=1) as process:
         for i in range(4):
             process.add(f"/crowd_{i}", given)
@@ -124,11 +107,7 @@ def here(kind):
 
 @pytest.mark.parametrize("count", [5, pytest.param(50, marks=pytest.mark.slow)])
 def test_avatars_that_come_and_go_leave_nothing(outfit, make_probe, until, count):
-    given = {
-        "mocap_player": {},
-        "collider_node": {"outfit": outfit},
-        "cloth_node": {"outfit": outfit},
-    }
+    given = wearing(outfit)
     probe = make_probe("/host")
     with OneProcess() as process:
         process.add("/host", given)

@@ -1,22 +1,15 @@
 """Avatars whose nodes share one process: the same for everybody else."""
 
-import contextlib
 import dataclasses
-import fcntl
 import json
-import os
 import re
 import shlex
 import signal
-import subprocess
-import sys
-import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import psutil
 import pytest
 
 pytest.importorskip("rclpy")
@@ -24,6 +17,7 @@ pytest.importorskip("rclpy")
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from ros_input.cloth import stamp_of
+from ros_input.one_process import LIMIT, wearing
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -44,73 +38,6 @@ from garment_sim_ros.ros.topics import (
 pytestmark = pytest.mark.ros
 
 SECOND = 10**9
-LIMIT = 180.0
-OUTFIT = """
-version: 1
-garments:
-  - {name: skirt, generator: short_skirt, options: {vertices: 500}}
-"""
-
-
-@pytest.fixture(scope="module")
-def outfit(tmp_path_factory):
-    path = tmp_path_factory.mktemp("outfit") / "outfit.yaml"
-    path.write_text(OUTFIT)
-    return str(path)
-
-
-class Command:
-    """`garment-sim run` as a process."""
-
-    def __init__(self, *words):
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "garment_sim_ros.cli.main", "run", *words],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        self._said = []
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def _read(self):
-        for line in self._process.stderr:
-            self._said.append(line)
-
-    @property
-    def said(self):
-        return "".join(self._said)
-
-    @property
-    def pid(self):
-        return self._process.pid
-
-    def send(self, number):
-        self._process.send_signal(number)
-
-    def wait(self):
-        """Exit code and what it printed."""
-        printed = self._process.stdout.read()
-        code = self._process.wait(LIMIT)
-        self._reader.join(LIMIT)
-        return code, printed
-
-    def end(self):
-        self._process.kill()
-        self._process.wait()
-
-
-@pytest.fixture
-def command():
-    started = []
-
-    def start(*words):
-        started.append(Command(*words))
-        return started[-1]
-
-    yield start
-    for process in started:
-        process.end()
 
 
 def follow(probe, until, namespace, frames):
@@ -225,69 +152,6 @@ def test_a_process_that_stood_still_keeps_its_garments(command, make_probe, unti
     assert (after["resets"], after["time_jumps"]) == (before["resets"], before["time_jumps"])
 
 
-def mapped(pid):
-    """Files that a process has mapped."""
-    return Path(f"/proc/{pid}/maps").read_text()
-
-
-def segments(pid):
-    """The middleware's shared memory that a process has mapped."""
-    words = mapped(pid).split()
-    return {w for w in words if w.startswith("/dev/shm/fastrtps_") and "port" not in w}
-
-
-def lives(process):
-    """Whether a process is there and has not ended."""
-    try:
-        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return False
-
-
-def is_left(file):
-    """Whether shared memory is there whose owner, who holds a lock beside it, is not."""
-    if not os.path.exists(file):
-        return False
-    try:
-        with open(f"{file}_el") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except FileNotFoundError:
-        return os.path.exists(file)
-    return True
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("when", ["importing", "making nodes", "dressed"])
-def test_an_end_leaves_nothing(command, make_probe, until, outfit, number, when):
-    namespace = f"/ends_{when.replace(' ', '_')}_{number.name.lower()}"
-    probe = make_probe(namespace)
-    ours = segments(os.getpid())
-    process = command("--outfit", outfit, "--namespace", namespace, "--avatars", "2")
-    if when == "importing":
-        until(lambda: "librcl.so" in mapped(process.pid), "the middleware")
-    elif when == "making nodes":
-        until(lambda: "preset" in process.said, "a node")
-    elif when == "dressed":
-        points = f"{namespace}/avatar_2/garments/skirt/points"
-        until(lambda: probe.node.count_publishers(points), "cloth")
-    shared = segments(process.pid) - ours
-    children = psutil.Process(process.pid).children(recursive=True)
-    process.send(number)
-    code, _ = process.wait()
-    assert code == 130, process.said
-    assert "Traceback" not in process.said
-    assert "error" not in process.said.lower()
-    assert not [file for file in shared if is_left(file)]
-    # Those that compile end by themselves, with the process that started them.
-    until(lambda: not [child for child in children if lives(child)], "its processes to end")
-    until(
-        lambda: not [n for n in probe.node.get_node_names_and_namespaces() if "avatar_" in n[1]],
-        "nobody to be there any more",
-    )
-
-
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -315,20 +179,14 @@ def test_the_description_that_is_handed_over_is_published(outfit, make_probe, un
         probe = make_probe("/told")
         text = probe.listen(COLLIDER_DESCRIPTION)
         until(lambda: probe.received(text), "the description")
-        with contextlib.suppress(ValueError):
-            assert json.loads(probe.received(text)[0].data)["version"] == 1
+        assert json.loads(probe.received(text)[0].data)["version"] == 1
 
 
 def test_who_is_not_heard_is_told(outfit, make_probe, until):
     """Another publisher of what is handed over: on /diagnostics, as where nodes are apart."""
-    given = {
-        "mocap_player": {},
-        "collider_node": {"outfit": outfit},
-        "cloth_node": {"outfit": outfit},
-    }
     probe = make_probe("/handed")
     with OneProcess() as process:
-        process.add("/handed", given)
+        process.add("/handed", wearing(outfit))
         until(lambda: process.is_dressed, "a dressed avatar", limit=LIMIT)
 
         def told(name):
