@@ -2,20 +2,9 @@
 
 import numpy as np
 
-from garment_sim_ros.geometry.four import (
-    each_four_times,
-    four_at,
-    put_four,
-    put_three,
-    roots,
-    same_four,
-    squares,
-    three_at,
-)
+from garment_sim_ros.geometry.four import four_at, put_four, roots, same_four, squares
 from garment_sim_ros.jit import exact_kernel, kernel
-
-_THREE = np.uint64(3)
-_FOUR = np.uint64(4)
+from garment_sim_ros.sim.solvers.wide import end_of, ends_of_four, move_ends, narrow, widen
 
 
 @exact_kernel(inner=True)
@@ -30,36 +19,15 @@ def _excess(rest, squared):
 
 
 @kernel(inner=True)
-def _end(particles, n):
-    """Where the position of end n is in an array of fours."""
-    return _FOUR * np.uint64(particles[n])
-
-
-@kernel(inner=True)
 def _correct_four(x, particles, rest_length, share, s):
     """Corrects springs s to s + 3, which have no end in common."""
-    at, n = np.uint64(s), np.int64(2 * s)
-    i0, j0 = _end(particles, n), _end(particles, n + 1)
-    i1, j1 = _end(particles, n + 2), _end(particles, n + 3)
-    i2, j2 = _end(particles, n + 4), _end(particles, n + 5)
-    i3, j3 = _end(particles, n + 6), _end(particles, n + 7)
-    a0, b0, a1, b1 = four_at(x, i0), four_at(x, j0), four_at(x, i1), four_at(x, j1)
-    a2, b2, a3, b3 = four_at(x, i2), four_at(x, j2), four_at(x, i3), four_at(x, j3)
-    d0, d1, d2, d3 = a0 - b0, a1 - b1, a2 - b2, a3 - b3
+    at, ends = np.uint64(s), ends_of_four(x, particles, np.int64(s))
+    d = ends[3]
     # 1e-20 m^2 keeps the quotient finite where two particles coincide.
-    squared = squares(d0, d1, d2, d3) + same_four(np.float32(1e-20))
+    squared = squares(d[0], d[1], d[2], d[3]) + same_four(np.float32(1e-20))
     excess = _excess(four_at(rest_length, at), squared)
     first = four_at(share, at) * excess
-    s0, s1, s2, s3 = each_four_times(first)
-    t0, t1, t2, t3 = each_four_times(excess - first)
-    put_four(x, i0, a0 - s0 * d0)
-    put_four(x, j0, b0 + t0 * d0)
-    put_four(x, i1, a1 - s1 * d1)
-    put_four(x, j1, b1 + t1 * d1)
-    put_four(x, i2, a2 - s2 * d2)
-    put_four(x, j2, b2 + t2 * d2)
-    put_four(x, i3, a3 - s3 * d3)
-    put_four(x, j3, b3 + t3 * d3)
+    move_ends(x, ends, first, excess - first)
 
 
 @kernel(forceinline=True)
@@ -79,9 +47,7 @@ def correct_springs(x, wide, particles, rest_length, share, colour_start, sweeps
         colour_start: Where each colour starts, shape [colours + 1].
         sweeps: Number of passes over all springs.
     """
-    for p in range(x.size // 3):
-        n = np.uint64(p)
-        put_four(wide, _FOUR * n, three_at(x, _THREE * n))
+    widen(x, wide)
     for _ in range(sweeps):
         for colour in range(colour_start.size - 1):
             end = np.int64(colour_start[colour + 1])
@@ -90,7 +56,7 @@ def correct_springs(x, wide, particles, rest_length, share, colour_start, sweeps
                 _correct_four(wide, particles, rest_length, share, s)
                 s += 4
             while s < end:
-                i, j = _end(particles, 2 * s), _end(particles, 2 * s + 1)
+                i, j = end_of(particles, 2 * s), end_of(particles, 2 * s + 1)
                 a, b = four_at(wide, i), four_at(wide, j)
                 d = a - b
                 squared = squares(d, d, d, d) + same_four(np.float32(1e-20))
@@ -99,6 +65,4 @@ def correct_springs(x, wide, particles, rest_length, share, colour_start, sweeps
                 put_four(wide, i, a - first * d)
                 put_four(wide, j, b + (excess - first) * d)
                 s += 1
-    for p in range(x.size // 3):
-        n = np.uint64(p)
-        put_three(x, _THREE * n, four_at(wide, _FOUR * n))
+    narrow(wide, x)

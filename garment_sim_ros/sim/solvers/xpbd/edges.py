@@ -8,19 +8,13 @@ the same root, and stays finite where the ends coincide. At 10 % strain the two 
 
 import numpy as np
 
-from garment_sim_ros.geometry.four import (
-    each_four_times,
-    four_at,
-    put_four,
-    same_four,
-    squares,
-)
+from garment_sim_ros.geometry.four import four_at, put_four, same_four, squares
 from garment_sim_ros.jit import kernel
+from garment_sim_ros.sim.solvers.wide import end_of, ends_of_four, move_ends
 
 _ONE = np.uint64(1)
 _TWO = np.uint64(2)
 _THREE = np.uint64(3)
-_FOUR = np.uint64(4)
 _TINY = np.float32(1e-20)
 
 
@@ -57,12 +51,6 @@ def _quotient(squared, rest):
     return (over + over) / (rest + same_four(np.float32(3.0)) * squared)
 
 
-@kernel(inner=True)
-def _end(particles, n):
-    """Where the position of end n is in an array of fours."""
-    return _FOUR * np.uint64(particles[n])
-
-
 @kernel(forceinline=True)
 def solve_edges(x, particles, edges, fours):
     """One Gauss-Seidel pass from multipliers of zero (Macklin et al. 2016, equation 18).
@@ -78,27 +66,12 @@ def solve_edges(x, particles, edges, fours):
     """
     rest, first, second = edges[0], edges[1], edges[2]
     for e in range(0, fours, 4):
-        at, n = np.uint64(e), np.int64(2 * e)
-        i0, j0 = _end(particles, n), _end(particles, n + 1)
-        i1, j1 = _end(particles, n + 2), _end(particles, n + 3)
-        i2, j2 = _end(particles, n + 4), _end(particles, n + 5)
-        i3, j3 = _end(particles, n + 6), _end(particles, n + 7)
-        a0, b0, a1, b1 = four_at(x, i0), four_at(x, j0), four_at(x, i1), four_at(x, j1)
-        a2, b2, a3, b3 = four_at(x, i2), four_at(x, j2), four_at(x, i3), four_at(x, j3)
-        d0, d1, d2, d3 = a0 - b0, a1 - b1, a2 - b2, a3 - b3
-        f = _quotient(squares(d0, d1, d2, d3), four_at(rest, at))
-        s0, s1, s2, s3 = each_four_times(four_at(first, at) * f)
-        t0, t1, t2, t3 = each_four_times(four_at(second, at) * f)
-        put_four(x, i0, a0 - s0 * d0)
-        put_four(x, j0, b0 + t0 * d0)
-        put_four(x, i1, a1 - s1 * d1)
-        put_four(x, j1, b1 + t1 * d1)
-        put_four(x, i2, a2 - s2 * d2)
-        put_four(x, j2, b2 + t2 * d2)
-        put_four(x, i3, a3 - s3 * d3)
-        put_four(x, j3, b3 + t3 * d3)
+        at, ends = np.uint64(e), ends_of_four(x, particles, e)
+        d = ends[3]
+        f = _quotient(squares(d[0], d[1], d[2], d[3]), four_at(rest, at))
+        move_ends(x, ends, four_at(first, at) * f, four_at(second, at) * f)
     for e in range(fours, rest.size):
-        i, j = _end(particles, 2 * e), _end(particles, 2 * e + 1)
+        i, j = end_of(particles, 2 * e), end_of(particles, 2 * e + 1)
         a, b = four_at(x, i), four_at(x, j)
         d = a - b
         f = _quotient(squares(d, d, d, d), same_four(rest[e]))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from garment_sim_ros.geometry.four import four_at, put_four, put_three, same_four, three_at
+from garment_sim_ros.geometry.four import four_at, put_three, same_four, three_at
 from garment_sim_ros.jit import exact_kernel, kernel
 
 _THREE = np.uint64(3)
@@ -17,14 +17,6 @@ def fall(x, v, x_start, x_predicted, push, keep, dt):
         v[i] = keep * v[i] + push[i]
         x[i] += dt * v[i]
         x_predicted[i] = x[i]
-
-
-@kernel(inner=True)
-def widen(x, wide):
-    """Writes vectors, flat [3 n], as fours, flat [4 n]; the last number of each is 0."""
-    for p in range(x.size // 3):
-        i = np.uint64(p)
-        put_four(wide, _FOUR * i, three_at(x, _THREE * i))
 
 
 @kernel(inner=True)

@@ -13,10 +13,11 @@ from garment_sim_ros.geometry.copying import copy
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.sim.holds.tether_kernels import pull_attached
 from garment_sim_ros.sim.motion import glide, move_pins
+from garment_sim_ros.sim.solvers.wide import widen
 from garment_sim_ros.sim.solvers.xpbd.coarse_kernels import pull_cells
 from garment_sim_ros.sim.solvers.xpbd.edges import solve_edges, solve_edges_apart
 from garment_sim_ros.sim.solvers.xpbd.hinges import bend
-from garment_sim_ros.sim.solvers.xpbd.motion import arrive, coast, fall, gain, share_out, widen
+from garment_sim_ros.sim.solvers.xpbd.motion import arrive, coast, fall, gain, share_out
 from garment_sim_ros.sim.solvers.xpbd.planes import (
     follow_shapes,
     remember_planes,
