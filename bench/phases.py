@@ -66,6 +66,7 @@ def measure() -> None:
         (LayerPair, "look", "layers: triangles"),
         (LayerPair, "find_close", "layers: what is close"),
         (LayerPair, "separate", "layers: parting"),
+        (LayerPair, "untangle", "layers: untangling"),
         (Pins, "follow", "pins"),
         (ColliderState, "move", "colliders"),
     ):

@@ -5,13 +5,14 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from contextlib import ExitStack
 
 import pytest
 
 pytest.importorskip("sensor_msgs")
 pytest.importorskip("distributed")
+
+from waiting import until
 
 from garment_sim_ros.cli.main import main
 
@@ -46,16 +47,6 @@ def scheduler(started, tmp_path):
     log = tmp_path / "dask_scheduler.log"
     address = until(lambda: re.search(r"Scheduler at:\s+(tcp://\S+)", log.read_text()), process)
     return address.group(1)
-
-
-def until(found, *processes, longest=120.0):
-    """What a condition gives once it holds, while processes run."""
-    end = time.monotonic() + longest
-    while not (value := found()):
-        assert all(p.poll() is None for p in processes)
-        assert time.monotonic() < end
-        time.sleep(0.02)
-    return value
 
 
 def work(started, scheduler, count):

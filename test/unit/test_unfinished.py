@@ -6,13 +6,14 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 pytest.importorskip("sensor_msgs")
+
+from waiting import until
 
 from garment_sim_ros.cli.main import main
 from garment_sim_ros.frozen_state import freeze, thaw
@@ -189,16 +190,6 @@ def test_a_process_that_was_interrupted_is_gone_on_with(tmp_path, sign):
     whole = tmp_path / "whole"
     assert main(["simulate", *clip[:-1], "--out", str(whole)]) == 0
     assert files(out) == files(whole)
-
-
-def until(found, process, longest=120.0):
-    """What a condition gives once it holds, while a process runs."""
-    end = time.monotonic() + longest
-    while not (value := found()):
-        assert process.poll() is None
-        assert time.monotonic() < end
-        time.sleep(0.02)
-    return value
 
 
 def files(path):
