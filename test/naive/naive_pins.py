@@ -6,7 +6,7 @@ from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 from naive.naive import move_pins, signed_distance
 
 
-def give_way(place, home, position, orientation, shapes, least, far):
+def give_way(place, home, position, orientation, shapes, least, far, edges=()):
     """Places of pins at the end of an interval, in the frames that they follow, shape [p, 3].
 
     Args:
@@ -17,6 +17,7 @@ def give_way(place, home, position, orientation, shapes, least, far):
         shapes: Shapes as `naive.signed_distance` has them.
         least: Distance to each shape below which each gives way [m], shape [m, p].
         far: How far they can go home [m].
+        edges: Two pins and the rest length [m] of each edge between pins.
     """
     way = home - place
     length = np.linalg.norm(way, axis=1, keepdims=True)
@@ -40,5 +41,19 @@ def give_way(place, home, position, orientation, shapes, least, far):
                 break
             along = mean[k] @ out
             x[p] += -below / max(along, 0.2) * mean[k] if along > 0.0 else -below * out
+    away = np.linalg.norm(x - move_pins(home, position, orientation), axis=1)
+    keep_together(x, away, edges)
     turned = matrix_from_quaternion(orientation)
     return np.einsum("pji,pj->pi", turned, x - position)
+
+
+def keep_together(x, away, edges):
+    """Pins follow neighbours that are farther from home; see `sim.holds.pin_edges`."""
+    for _ in range(30):
+        for one, other, length in edges:
+            near, far = sorted((one, other), key=lambda p: away[p])
+            way = x[far] - x[near]
+            excess = np.linalg.norm(way) - 1.3 * length
+            if excess > 0.0 and away[far] > 0.0:
+                x[near] += excess * way / np.linalg.norm(way)
+                away[near] = min(away[near] + excess, away[far])

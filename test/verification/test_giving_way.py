@@ -130,5 +130,5 @@ def test_trousers_stay_on_through_a_spin_kick(data_file):
         meter.add(poses, {trousers.name: (x, trousers.triangles)})
         longest = max(longest, float(mesh.strain(x).max()))
     assert meter.result().share == 0.0
-    # Between two pins of the band, one of which the thigh takes along.
-    assert longest < 6.0
+    # 4.8 where the neighbours of a pin that the thigh takes along stay at home.
+    assert longest < 3.0

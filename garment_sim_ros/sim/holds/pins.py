@@ -5,7 +5,7 @@ motion body parts overlap. A pin that stayed there would be on the wrong side of
 would the cloth that hangs on it, with nothing that could bring it back. A pin in a shape of
 another bone, deeper than it was at rest, moves out of it, and goes home as soon as it can. Pins
 leave a shape in one direction, the mean one out of it: each by its own nearest way, those on one
-flank and on the other would be torn apart.
+flank and on the other would be torn apart. Their neighbours follow (`sim.holds.pin_edges`).
 """
 
 from collections.abc import Callable
@@ -23,6 +23,7 @@ from garment_sim_ros.contact.sides import LET_GO, PASSING
 from garment_sim_ros.geometry.transforms import quaternion_from_matrix, rotate
 from garment_sim_ros.jit import compiled, kernel
 from garment_sim_ros.sim.colliders import ColliderState
+from garment_sim_ros.sim.holds.pin_edges import PinEdges, keep_together
 from garment_sim_ros.sim.model import ClothModel
 
 _SPARED = 0.01
@@ -38,14 +39,22 @@ _NEVER = np.float32(-np.inf)
 
 
 class Given(NamedTuple):
-    """The same as `Pins`, and scratch: where they are, and the mean way out of each shape."""
+    """The same as `Pins`, and scratch.
+
+    Attributes:
+        x: Where pins are to be, relative to the local origin [m], shape [p, 3].
+        away: How far they are from home then [m], shape [p].
+        out: Mean way out of each shape, shape [m, 3].
+    """
 
     collider: IntArray
     home: FloatArray
     place: FloatArray
     step: FloatArray
     least: SingleArray
+    edges: PinEdges
     x: FloatArray
+    away: FloatArray
     out: SingleArray
 
 
@@ -67,6 +76,7 @@ class Pins:
         place: The same now, where it may have given way, shape [p, 3].
         step: How far that moves in each sub-step [m], shape [p, 3].
         least: Distance to each shape below which each gives way [m], shape [m, p].
+        edges: Edges of the mesh between two of them.
     """
 
     collider: IntArray
@@ -74,7 +84,9 @@ class Pins:
     place: FloatArray
     step: FloatArray
     least: SingleArray
+    edges: PinEdges
     _x: FloatArray = field(default_factory=lambda: np.zeros((0, 3)), repr=False)
+    _away: FloatArray = field(default_factory=lambda: np.zeros(0), repr=False)
     _out: SingleArray = field(default_factory=lambda: np.zeros((0, 3), np.float32), repr=False)
     _code: Callable[..., Any] | None = field(default=None, repr=False)
 
@@ -87,6 +99,7 @@ class Pins:
             place=model.pin_position.copy(),
             step=np.zeros_like(model.pin_position),
             least=np.zeros((0, len(model.pin_collider)), np.float32),
+            edges=PinEdges.of(model),
         )
 
     def give_way_to(
@@ -121,7 +134,7 @@ class Pins:
         if gives.any():
             spare_rest(shapes, posed, np.ascontiguousarray(x, np.float32), least)
         self.least = least
-        self._x = np.zeros((len(x), 3))
+        self._x, self._away = np.zeros((len(x), 3)), np.zeros(len(x))
         self._out = np.zeros((len(least), 3), np.float32)
 
     def forget(self) -> None:
@@ -136,8 +149,8 @@ class Pins:
         now = colliders.now
         given = (
             Given(
-                *(self.collider, self.home, self.place, self.step, self.least),
-                *(self._x, self._out),
+                *(self.collider, self.home, self.place, self.step, self.least, self.edges),
+                *(self._x, self._away, self._out),
             ),
             Followed(now.position, now.orientation, colliders.origin),
             *(colliders.shapes, colliders.posed),
@@ -183,6 +196,7 @@ def give_way(pins, poses, shapes, posed, far, share):
     collider, home, place, step = pins.collider, pins.home, pins.place, pins.step
     position, orientation, origin = poses.position, poses.orientation, poses.origin
     pins.out[:] = 0.0
+    is_home = True
     for p in range(collider.size):
         c = collider[p]
         for k in range(3):
@@ -193,6 +207,7 @@ def give_way(pins, poses, shapes, posed, far, share):
                 place[p, k] = home[p, k]
                 step[p, k] = 0.0
         part = 1.0 if way <= far else far / way
+        is_home = is_home and part == 1.0
         for k in range(3):
             step[p, k] *= part
         q = orientation[c]
@@ -201,19 +216,31 @@ def give_way(pins, poses, shapes, posed, far, share):
         for k in range(3):
             pins.x[p, k] = turned[k] + position[c, k] - origin[k]
         _, _, _ = _leave(pins, shapes, posed, p, True)
-    any_gives_way = False
     for k in range(len(pins.out)):
         size = np.sqrt(pins.out[k, 0] ** 2 + pins.out[k, 1] ** 2 + pins.out[k, 2] ** 2)
-        any_gives_way = any_gives_way or size > np.float32(0.0)
+        is_home = is_home and not size > np.float32(0.0)
         for axis in range(3):
             pins.out[k, axis] /= max(size, np.float32(1e-12))
-    for p in range(collider.size):
-        if any_gives_way:
-            sx, sy, sz = _leave(pins, shapes, posed, p, False)
-            q = orientation[collider[p]]
-            turned = rotate(-q[0], -q[1], -q[2], q[3], sx, sy, sz)
+    if not is_home:
+        for p in range(collider.size):
+            way_out = _leave(pins, shapes, posed, p, False)
+            c, q = collider[p], orientation[collider[p]]
+            turned = rotate(q[0], q[1], q[2], q[3], home[p, 0], home[p, 1], home[p, 2])
+            squared = 0.0
             for k in range(3):
-                step[p, k] += turned[k]
+                pins.x[p, k] += way_out[k]
+                squared += (pins.x[p, k] - turned[k] - position[c, k] + origin[k]) ** 2
+            pins.away[p] = np.sqrt(squared)
+        keep_together(pins.x, pins.away, pins.edges)
+    for p in range(collider.size):
+        if not is_home:
+            c, q = collider[p], orientation[collider[p]]
+            x = pins.x[p, 0] + origin[0] - position[c, 0]
+            y = pins.x[p, 1] + origin[1] - position[c, 1]
+            z = pins.x[p, 2] + origin[2] - position[c, 2]
+            turned = rotate(-q[0], -q[1], -q[2], q[3], x, y, z)
+            for k in range(3):
+                step[p, k] = turned[k] - place[p, k]
         for k in range(3):
             step[p, k] *= share
 
