@@ -97,16 +97,16 @@ class Worn(Piece):
         row, side = shape_sides(garment, collider_set, colliders.shapes)
         workspace.attached = attached_to(garment, frames, model)
         workspace.sides = Sides.of(row[model.vertex[: model.free_count]], side)
+        T_world_rest = rest_transforms([garment], collider_set)
+        x_rest = np.asarray(garment.vertices, np.float64)[model.vertex]
         workspace.guard = Guard.of(
-            collider_set, colliders.shapes, model.particle_triangles, workspace.sides.side
+            *(collider_set, colliders.shapes, model.particle_triangles, workspace.sides.side),
+            *(T_world_rest, x_rest),
         )
         pins = model.vertex[model.free_count :]
         workspace.pins.give_way_to(
-            collider_set,
-            colliders.shapes,
-            rest_transforms([garment], collider_set),
-            np.asarray(garment.vertices, np.float64)[pins],
-            side[row[pins]].T,
+            *(collider_set, colliders.shapes, T_world_rest),
+            *(x_rest[model.free_count :], side[row[pins]].T),
         )
         places = None
         if garment.skin_limits:

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.cores import Cores
+from garment_sim_ros.contact.guard.outside import outside
 from garment_sim_ros.contact.packed import PackedShapes
 from garment_sim_ros.contact.shapes import ColliderSet
-from garment_sim_ros.contact.sides import UNDER
 
 _SHARE = 0.6
 """Distance that triangles keep from a core, as a share of how deep it is in its shape."""
@@ -33,7 +33,7 @@ class Guard(NamedTuple):
         triangles: As particles, neighbours one after the other, shape [t, 3].
         corner: Corners of the triangles of each block, each once, one block after the other.
         corner_start: First corner of each block and the end, shape [b + 1].
-        outside: Whether each core is outside of each triangle, not under it, shape [c, t].
+        outside: Whether each core belongs outside of each triangle, not under it, shape [c, t].
         box: Scratch: boxes of blocks of triangles [m], shape [b, 6].
         posed: Scratch: ends of the cores at the last search and now [m], shape [2, c, 2, 3].
         blocks: Scratch: blocks of triangles that are near a core, shape [b + 1].
@@ -76,6 +76,8 @@ class Guard(NamedTuple):
         shapes: PackedShapes,
         triangles: IntArray,
         side: NDArray[np.int8],
+        T_world_rest: FloatArray,
+        x_rest: FloatArray,
     ) -> "Guard":
         """For one garment.
 
@@ -84,6 +86,8 @@ class Guard(NamedTuple):
             shapes: Those that can be touched, m.
             triangles: Of the garment, as particles, counter-clockwise from outside, shape [t, 3].
             side: Side of each shape for each free particle, see `contact.sides.Sides`, [m, n].
+            T_world_rest: Where the colliders are at rest, shape [k, 4, 4]; NaN: not known.
+            x_rest: All particles there [m], shape [n + p, 3].
         """
         cores = Cores.of(colliders)
         shape_of = {int(i): k for k, i in enumerate(shapes.collider)}
@@ -93,10 +97,8 @@ class Guard(NamedTuple):
         triangles = np.ascontiguousarray(triangles[order], np.int32)
         c, t, free = len(used), len(triangles), side.shape[1]
         corners = [np.unique(triangles[b : b + BLOCK]) for b in range(0, t, BLOCK)]
-        # More than half of the corners that are free.
-        not_under = np.hstack([side[shape] != UNDER, np.zeros((c, 1), np.bool_)])
-        of_corner = not_under[:, np.minimum(triangles, free)]
-        half = 0.5 * np.count_nonzero(triangles < free, axis=1)
+        T = T_world_rest[cores.collider[used]]
+        rest = np.einsum("cij,cej->cei", T[:, :3, :3], cores.ends[used]) + T[:, None, :3, 3]
         return cls(
             shape=shape,
             ends=np.ascontiguousarray(cores.ends[used]),
@@ -104,7 +106,7 @@ class Guard(NamedTuple):
             triangles=triangles,
             corner=np.concatenate([*corners, np.zeros(0, np.int32)]).astype(np.int32),
             corner_start=np.cumsum([0, *map(len, corners)], dtype=np.int32),
-            outside=np.ascontiguousarray(of_corner.sum(axis=2) > half),
+            outside=outside(side[shape], rest, triangles, x_rest),
             box=np.zeros((-(-t // BLOCK), 6), np.float32),
             posed=np.zeros((2, c, 2, 3)),
             blocks=np.zeros(-(-t // BLOCK) + 1, np.int32),

@@ -1,8 +1,9 @@
 """Edges between pins: neighbours of a pin that gives way follow it.
 
-Of a band that a thigh pushes out at one place, the edge beside that place would be stretched by all
-that the pin next to it was moved. A pin follows a neighbour that is farther from its home than it
-is itself, as far as the edge between them may be stretched: the band goes around what pushes it.
+Of a band that a thigh pushes out at one place, the edge beside that place would be stretched by
+all that the pin next to it was moved. A pin follows a neighbour that is farther from its home than
+it is itself, where the edge between them would be stretched by more than a limit: the band goes
+around what pushes it.
 """
 
 from typing import NamedTuple
