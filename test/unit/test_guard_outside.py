@@ -23,6 +23,8 @@ def trunk_of_a_shirt():
 SPINE = [[0.0, 0.0, 0.1], [0.0, 0.0, 0.3]]
 ARM = [[0.25, 0.0, 0.0], [0.25, 0.0, 0.4]]
 SHOULDERS = [[-0.12, 0.0, 0.45], [0.12, 0.0, 0.45]]
+HEAD = [[0.0, 0.0, 1.0], [0.0, 0.0, 1.1]]
+LONGEST = 1.0
 UNKNOWN = [[np.nan] * 3] * 2
 
 
@@ -33,6 +35,7 @@ UNKNOWN = [[np.nan] * 3] * 2
         (ARM, UNDER, "none"),
         (ARM, OPPOSED, "those that face it"),
         (SHOULDERS, OPPOSED, "none"),
+        (HEAD, OPPOSED, "all"),
         (SPINE, OPPOSED, "none"),
         (UNKNOWN, OPPOSED, "all"),
         (SPINE, PASSING, "all"),
@@ -42,7 +45,7 @@ UNKNOWN = [[np.nan] * 3] * 2
 def test_a_core_is_outside_of_what_faces_it(core, side, expected):
     x, triangles = trunk_of_a_shirt()
     sides = np.full((1, len(x)), side, np.int8)
-    (found,) = outside(sides, np.array([core]), triangles, x)
+    (found,) = outside(sides, np.array([core]), triangles, x, LONGEST)
     facing = x[triangles].mean(axis=1)[:, 0] > 0.9 * RADIUS
     averted = x[triangles].mean(axis=1)[:, 0] < 0.2 * RADIUS
     if expected == "those that face it":
@@ -57,7 +60,7 @@ def test_most_corners_that_are_free_decide():
     free = len(x) - AROUND  # those of the uppermost ring are pinned
     sides = np.full((1, free), PASSING, np.int8)
     sides[0, :AROUND] = UNDER
-    (found,) = outside(sides, np.array([SPINE]), triangles, x)
+    (found,) = outside(sides, np.array([SPINE]), triangles, x, LONGEST)
     passing = np.count_nonzero((triangles >= AROUND) & (triangles < free), axis=1)
     under = np.count_nonzero(triangles < AROUND, axis=1)
     assert np.array_equal(found, passing > under)

@@ -106,7 +106,7 @@ class Guard(NamedTuple):
             triangles=triangles,
             corner=np.concatenate([*corners, np.zeros(0, np.int32)]).astype(np.int32),
             corner_start=np.cumsum([0, *map(len, corners)], dtype=np.int32),
-            outside=outside(side[shape], rest, triangles, x_rest),
+            outside=outside(side[shape], rest, triangles, x_rest, float(shapes.longest)),
             box=np.zeros((-(-t // BLOCK), 6), np.float32),
             posed=np.zeros((2, c, 2, 3)),
             blocks=np.zeros(-(-t // BLOCK) + 1, np.int32),
