@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             if name in made:
                 file = f"{args.out.stem}_{name}.glb"
                 made[name].write(stage / file)
-                entry = {"name": name, "mesh": file, "material": made[name].fabric}
+                entry = {"name": name, "mesh": file, "material": made[name].material}
                 figures[name] = _figures(name, made[name])
             else:
                 entry, figures[name] = _fit_mesh(source, name, args, stage)
