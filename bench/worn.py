@@ -5,8 +5,9 @@
 
 Simulated offline, so without overload but where a variant asks for it. Without options: the
 mannequin at three heights and the bodies with a rig of the shared data, all its clips in full, the
-built-in outfits and the shared meshes. A .obj as outfit is a mesh of the shared data's folder of
-garments; several joined by + are worn one over the other.
+built-in outfits and the shared meshes. An outfit is the name of a built-in one; a .yaml file, such
+as `garment-sim dress --body F` writes for the same body; or a .obj of the shared data's folder of
+garments, of which several joined by + are worn one over the other.
 
 Every run is a line of `DIR/runs.jsonl`; what is there is not run again. `DIR/worn.md` is the
 table. Pictures: of each run five moments at even distances, and those that are worst by `pierced`,
@@ -280,7 +281,7 @@ def table(rows: list[dict]) -> str:
         }
         cells = [
             body.removesuffix(".glb"),
-            outfit.replace("_female.obj", ""),
+            Path(outfit).name.replace("_female.obj", ""),
             variant,
             solver,
             str(len(group)),

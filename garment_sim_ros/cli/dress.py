@@ -56,6 +56,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         help="length of edges [m]; default: as the draft has it, 0.022 for files",
     )
+    parser.add_argument(
+        "--shortest-edge",
+        metavar="M",
+        type=float,
+        help="meshes anew with edges down to this where a mesh bends [m]; default: all are alike",
+    )
+    parser.add_argument(
+        "--deviation",
+        metavar="M",
+        type=float,
+        help="how far edges may be from the mesh as it was, with --shortest-edge [m]",
+    )
     parser.add_argument("--preview", metavar="F.png", type=Path, help="picture; default: F.png")
     parser.add_argument(
         "--steps", metavar="F.png", type=Path, help="picture of the pieces flat, placed and sewn"
@@ -73,6 +85,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if args.out.suffix not in (".yaml", ".yml"):
         raise ParameterError("--out", f"found {str(args.out)!r:.80}", "allowed: a .yaml file")
     names = _names(args.garment)
+    if args.shortest_edge is not None and not any(map(_is_mesh, names.values())):
+        raise ParameterError("--shortest-edge", "given without a mesh", "allowed: with one")
+    if args.deviation is not None and args.shortest_edge is None:
+        raise ParameterError("--deviation", "given without --shortest-edge", "allowed: with it")
     model = Model(load_body(args.body))
     if args.measures:
         _print_measures(model)
@@ -84,7 +100,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             if name in made:
                 file = f"{args.out.stem}_{name}.glb"
                 made[name].write(stage / file)
-                entry = {"name": name, "mesh": file, "material": made[name].fabric}
+                entry = {"name": name, "mesh": file, "material": made[name].material}
                 figures[name] = _figures(name, made[name])
             else:
                 entry, figures[name] = _fit_mesh(source, name, args, stage)
@@ -163,8 +179,11 @@ def _fit_mesh(
     """A mesh repaired, refined and put outside of the colliders that it will be worn on."""
     avatar = Avatar.load(args.body)
     options: dict[str, Any] = {} if args.fabric is None else {"material": args.fabric}
-    if args.edge_length is not None:
-        options["edge_length"] = args.edge_length
+    for option in ("edge_length", "shortest_edge", "deviation"):
+        if (value := getattr(args, option)) is not None:
+            options[option] = value
+    if "shortest_edge" in options:
+        options["remesh"] = "curved"
     outfit = avatar.dress(source, name=name, **options)
     for note in outfit.notes:
         print(note)

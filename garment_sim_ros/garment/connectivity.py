@@ -4,16 +4,21 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from garment_sim_ros.arrays import IntArray
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.geometry.topology import edge_table
 
 
 def adjacency(triangles: IntArray, vertex_count: int) -> sp.csr_matrix:
     """Symmetric matrix with a 1 for every edge, shape [v, v]."""
-    a, b = edge_table(triangles)[0].T
-    ones = np.ones(2 * len(a))
+    edges = edge_table(triangles)[0]
+    return links(edges, np.ones(len(edges)), vertex_count)
+
+
+def links(edges: IntArray, weight: FloatArray, vertex_count: int) -> sp.csr_matrix:
+    """Symmetric matrix with the weight of each edge [e, 2], shape [v, v]."""
+    a, b = edges.T
     shape = (vertex_count, vertex_count)
-    return sp.csr_matrix((ones, (np.r_[a, b], np.r_[b, a])), shape=shape)
+    return sp.csr_matrix((np.r_[weight, weight], (np.r_[a, b], np.r_[b, a])), shape=shape)
 
 
 def components(triangles: IntArray, vertex_count: int) -> tuple[int, IntArray]:

@@ -1,4 +1,4 @@
-"""Garment meshes with triangles of very different sizes, meshed anew.
+"""Garment meshes from files, meshed anew: even triangles, or smaller ones where the surface bends.
 
 Modelled garments have loops of edges of a few millimetres beside others of centimetres. What a
 solver cannot hold together in an armpit, by some centimetres, then falls on the shortest edges.
@@ -12,10 +12,11 @@ from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.markings import marked
 from garment_sim_ros.garment.mesh_data import GarmentMesh
-from garment_sim_ros.garment.remesh import Lines, remeshed
+from garment_sim_ros.garment.remesh import Lines, area_by_size, remeshed
+from garment_sim_ros.garment.sizing import Sizes, edge_sizes
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import edge_table
-from garment_sim_ros.geometry.triangles import triangle_areas
+from garment_sim_ros.geometry.triangles import barycentric
 
 _UNEVEN = 0.25
 """An edge shorter than this share of the median makes a mesh uneven."""
@@ -33,7 +34,7 @@ def is_uneven(mesh: GarmentMesh) -> bool:
     return bool(length.min(initial=np.inf) < _UNEVEN * np.median(length))
 
 
-def evened(mesh: GarmentMesh, edge_length: float) -> GarmentMesh:
+def evened(mesh: GarmentMesh, sizes: Sizes) -> GarmentMesh:
     """The same surface with even triangles; as it was where that cannot be.
 
     Vertices lie on the surface as it was; those of open edges and of seams lie on these, and where
@@ -41,20 +42,30 @@ def evened(mesh: GarmentMesh, edge_length: float) -> GarmentMesh:
 
     Args:
         mesh: The surface.
-        edge_length: Length that edges shall have [m].
+        sizes: Lengths that edges shall have.
     """
-    area = float(triangle_areas(mesh.vertices, mesh.triangles).sum())
-    count = round(area / (np.sqrt(0.75) * edge_length**2))
+    lines = _lines(mesh)
+    size = edge_sizes(mesh.vertices, mesh.triangles, lines.edges, sizes)
+    count = round(area_by_size(mesh.vertices, mesh.triangles, size) / np.sqrt(0.75))
     if not _FEWEST <= count <= _MOST:
-        note = f"left as it is: edges of {edge_length:g} m make {count} vertices of it"
+        note = f"left as it is: edges of {sizes.longest:g} m make {count} vertices of it"
         return replace(mesh, notes=(*mesh.notes, note))
     surface = MeshDistance(mesh.vertices, mesh.triangles)
+
+    def sizing(x: FloatArray) -> FloatArray:
+        _, closest, triangle = surface.signed_distance(x)
+        corners = mesh.triangles[triangle]
+        share = barycentric(mesh.vertices[corners], closest)
+        there: FloatArray = np.einsum("vk,vk->v", share, size[corners])
+        return there
+
     before = _lengths(mesh)
     try:
         vertices, triangles = remeshed(
             *(mesh.vertices, mesh.triangles, count),
             lambda x: surface.signed_distance(x)[1],
-            _lines(mesh),
+            lines,
+            None if sizes.shortest == sizes.longest else sizing,
         )
     except GeometryError as error:
         return replace(mesh, notes=(*mesh.notes, f"left as it is: {error}"))
@@ -67,7 +78,8 @@ def evened(mesh: GarmentMesh, edge_length: float) -> GarmentMesh:
     after = _lengths(made)
     note = (
         f"meshed anew: edges of {1e3 * before.min():.1f} to {1e3 * before.max():.1f} mm became "
-        f"{1e3 * after.min():.1f} to {1e3 * after.max():.1f} mm; points have an order of their own"
+        f"{1e3 * after.min():.1f} to {1e3 * after.max():.1f} mm, {len(mesh.vertices)} vertices "
+        f"became {count}; points have an order of their own"
     )
     return replace(made, notes=(*mesh.notes, note))
 

@@ -20,7 +20,7 @@ from garment_sim_ros.garment.holds import AUTOMATIC, Holds
 from garment_sim_ros.garment.layering import Cut, layers_of, with_room
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh, load_garment_mesh
-from garment_sim_ros.garment.outfit_file import GarmentEntry, OutfitFile, read_outfit
+from garment_sim_ros.garment.outfit_file import ANEW, GarmentEntry, OutfitFile, read_outfit
 from garment_sim_ros.params import ColliderOptions, idle
 from garment_sim_ros.sim.self_collision.garment import own_distance
 
@@ -165,19 +165,19 @@ def _make(
         assert entry.mesh is not None
         o = entry.options
         mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up)
-        if mesh.flat is not None and o.remesh == "always":
+        if mesh.flat is not None and o.remesh in ANEW:
             raise InputFileError(
                 source,
                 f"garment {entry.name!r}: remesh: {entry.mesh.name} was cut from flat panels",
                 "allowed: auto or never; `garment-sim dress` cuts it anew",
             )
-        if o.remesh == "always" or (
+        if o.remesh in ANEW or (
             o.remesh == "auto"
             and mesh.flat is None
             and is_uneven(mesh)
             and not _names_vertices(entry)
         ):
-            mesh = evened(mesh, o.edge_length)
+            mesh = evened(mesh, o.sizes())
         else:
             mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up, edge_length=o.edge_length)
         given = mesh.vertices if o.rest == "given" and mesh.flat is None else None

@@ -24,6 +24,7 @@ from garment_sim_ros.garment.holds_file import (
 )
 from garment_sim_ros.garment.materials import material_from
 from garment_sim_ros.garment.mesh import UNITS, UP_AXES
+from garment_sim_ros.garment.sizing import Sizes
 from garment_sim_ros.input_file import read_text
 from garment_sim_ros.params import ColliderOptions, Material, parameter, validated
 from garment_sim_ros.plain_data import PlainDataError, parse_yaml
@@ -42,6 +43,9 @@ GARMENT_KEYS = (
 )
 """What an outfit file may say of one garment."""
 
+ANEW = ("always", "curved")
+"""Values of `remesh` that mesh any file anew."""
+
 _MAX_LAYER = 15
 _LARGEST_OWN_DISTANCE = 0.1
 
@@ -58,9 +62,24 @@ class MeshOptions:
     remesh: str = parameter(
         "auto",
         "Even triangles in place of the file's. auto: where an edge is shorter than a quarter of "
-        "the median, unless the outfit names vertices by number. Open edges and seams of its "
-        "texture stay where they are.",
-        choices=("auto", "never", "always"),
+        "the median, unless the outfit names vertices by number. curved: always, with shorter "
+        "edges where the surface or a line bends. Open edges and seams of its texture stay.",
+        choices=("auto", "never", *ANEW),
+    )
+    shortest_edge: float = parameter(
+        0.008,
+        "With remesh: curved, edges may be this short where the surface bends.",
+        unit="m",
+        minimum=1e-4,
+        maximum=100.0,
+    )
+    deviation: float = parameter(
+        0.0005,
+        "With remesh: curved, how far triangles may be from the surface as it was, where "
+        "shortest_edge lets them.",
+        unit="m",
+        minimum=1e-6,
+        maximum=0.1,
     )
     rest: str = parameter(
         "relaxed",
@@ -73,6 +92,18 @@ class MeshOptions:
         "Body that the mesh was made for: a file, from the outfit's folder, or mannequin. It is "
         "carried over to the wearer, bone by bone. Empty: it is made for the wearer.",
     )
+
+    def sizes(self) -> Sizes:
+        """Lengths of edges when it is meshed anew.
+
+        Raises:
+            ParameterError: The shortest are to be longer than the others.
+        """
+        if self.remesh != "curved":
+            return Sizes.even(self.edge_length)
+        return Sizes(
+            longest=self.edge_length, shortest=self.shortest_edge, deviation=self.deviation
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,11 +287,14 @@ def _garment(index: int, entry: object, folder: Path) -> GarmentEntry:
     elif not isinstance(mesh, str) or not mesh:
         raise ParameterError(f"{where}.mesh", f"found {mesh!r:.60}", "allowed: a file's path")
     try:
+        options: Any = validated(group, mapping("options", values.get("options", {})))
+        if isinstance(options, MeshOptions):
+            options.sizes()
         return GarmentEntry(
             name=name,
             generator=generator,
             mesh=None if mesh is None else folder / mesh,
-            options=validated(group, mapping("options", values.get("options", {}))),
+            options=options,
             material=material_from(values.get("material")),
             attachments=attachments_of(values.get("attachments", AUTOMATIC)),
             layer=_layer(values.get("layer")),

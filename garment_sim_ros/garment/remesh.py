@@ -1,5 +1,8 @@
 """Even triangles on a surface with boundaries, to an exact number of vertices.
 
+Where edges shall be of different lengths, triangles are even beside the length that is wanted at
+their place: whatever is said of lengths here means an edge over what is wanted at its ends.
+
 Rounds of splitting long edges, collapsing short ones, flipping edges towards Delaunay triangles,
 and smoothing along the surface (Botsch and Kobbelt 2004, "A remeshing approach to multiresolution
 modeling"). Vertices on lines, which are boundaries and what else is asked for, only move along
@@ -14,18 +17,23 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.garment.connectivity import adjacency
+from garment_sim_ros.garment.connectivity import links
 from garment_sim_ros.garment.subdivide import split_edges
 from garment_sim_ros.geometry.topology import edge_table, vertex_normals
 from garment_sim_ros.geometry.triangles import triangle_areas
 
 _ROUNDS = 6
+_MOST_ROUNDS = 30
+_SETTLED = 0.01
+"""Rounds end where they change the number of vertices by a smaller share."""
 _ATTEMPTS = 12
 _SHORTEST = 0.5
 """No edge shall be shorter than this share of the median."""
 
 Project = Callable[[FloatArray], FloatArray]
 """Moves points [n, 3] onto a surface or a line."""
+Sizing = Callable[[FloatArray], FloatArray]
+"""Length of edges that is wanted at points [n, 3] of a surface, in any unit, shape [n]."""
 
 
 class Lines(NamedTuple):
@@ -43,12 +51,17 @@ class Lines(NamedTuple):
 
 
 class _Mesh(NamedTuple):
-    """A surface on its way: positions, triangles, lines and corners as in `Lines`."""
+    """A surface on its way: positions, triangles, lines and corners as in `Lines`.
+
+    Attributes:
+        size: Length of edges that is wanted at each vertex, shape [v].
+    """
 
     x: FloatArray
     triangles: IntArray
     lines: IntArray
     corner: NDArray[np.bool_]
+    size: FloatArray
 
     @property
     def on_line(self) -> NDArray[np.bool_]:
@@ -63,6 +76,12 @@ class _Mesh(NamedTuple):
         own, lines = (k[:, 0] * len(self.x) + k[:, 1] for k in keys)
         return np.isin(own, lines)
 
+    def lengths(self, edges: IntArray) -> FloatArray:
+        """Lengths of edges over what is wanted at their ends, shape [e]."""
+        length = np.linalg.norm(self.x[edges[:, 0]] - self.x[edges[:, 1]], axis=1)
+        lengths: FloatArray = length / self.size[edges].mean(axis=1)
+        return lengths
+
 
 def remeshed(
     vertices: FloatArray,
@@ -70,6 +89,7 @@ def remeshed(
     count: int,
     project: Project,
     lines: Lines | None = None,
+    sizing: Sizing | None = None,
 ) -> tuple[FloatArray, IntArray]:
     """The surface with `count` vertices and edges as even as they can be.
 
@@ -79,29 +99,37 @@ def remeshed(
         count: Vertices wanted.
         project: Moves points onto the surface.
         lines: What is kept; None: boundaries, whose corners are cut.
+        sizing: Where edges shall be longer or shorter; None: they are alike everywhere.
 
     Raises:
         GeometryError: The surface cannot have that many vertices (too few for its holes).
     """
-    area = triangle_areas(vertices, triangles).sum()
+    uniform = sizing is None
+    sizing = sizing or (lambda x: np.ones(len(x)))
+    size = sizing(vertices)
+    area = area_by_size(vertices, triangles, size)
     length = float(np.sqrt(area / count / np.sqrt(0.75)))
-    relax = _Relaxing(project, lines.project if lines else None)
+    relax = _Relaxing(project, lines.project if lines else None, sizing)
     if lines is None:
         edges, _, sides = edge_table(triangles)
         lines = Lines(edges[sides == 1], np.zeros(len(vertices), bool), project)
-    mesh = _Mesh(vertices, triangles, lines.edges, lines.corner)
-    for _ in range(_ROUNDS):
+    mesh = _Mesh(vertices, triangles, lines.edges, lines.corner, size)
+    for _ in range(_ROUNDS if uniform else _MOST_ROUNDS):
+        before = len(mesh.x)
         mesh = _round(mesh, length, relax)
-        length *= np.sqrt(len(mesh.x) / count)
+        if uniform:
+            length *= np.sqrt(len(mesh.x) / count)
+        elif abs(len(mesh.x) - before) < _SETTLED * before:
+            break
     best, evenest = mesh, -1.0
     for _ in range(_ATTEMPTS):
         mesh = _with(count, mesh, relax)
         for _ in range(_ROUNDS):
             mesh = relax(mesh)
-        size = _lengths(mesh.x, edge_table(mesh.triangles)[0])
-        median = float(np.median(size))
-        if size.min() / median > evenest:
-            best, evenest = mesh, float(size.min()) / median
+        lengths = mesh.lengths(edge_table(mesh.triangles)[0])
+        median = float(np.median(lengths))
+        if lengths.min() / median > evenest:
+            best, evenest = mesh, float(lengths.min()) / median
         if evenest > _SHORTEST:
             break
         # A vertex too many here is one too few elsewhere, which no smoothing mends.
@@ -109,11 +137,20 @@ def remeshed(
     return best.x, best.triangles
 
 
+def area_by_size(vertices: FloatArray, triangles: IntArray, size: FloatArray) -> float:
+    """Area of a surface over the squared lengths that its edges shall have at vertices [v].
+
+    Even triangles make as many vertices of it as this over the square root of 3/4.
+    """
+    each = (size[triangles] ** -2.0).mean(axis=1)
+    return float((triangle_areas(vertices, triangles) * each).sum())
+
+
 class _Relaxing:
     """Edges flipped, then vertices moved along surface and lines; their number stays."""
 
-    def __init__(self, project: Project, to_lines: Project | None) -> None:
-        self._project, self._to_lines = project, to_lines
+    def __init__(self, project: Project, to_lines: Project | None, sizing: Sizing) -> None:
+        self._project, self._to_lines, self._sizing = project, to_lines, sizing
 
     def __call__(self, mesh: _Mesh) -> _Mesh:
         mesh = mesh._replace(triangles=_flipped(mesh))
@@ -122,7 +159,7 @@ class _Relaxing:
             there = mesh.on_line & ~mesh.corner
             x[there] = self._to_lines(x[there])
             x[mesh.corner] = mesh.x[mesh.corner]
-        return mesh._replace(x=x)
+        return mesh._replace(x=x, size=self._sizing(x))
 
 
 def _with(count: int, mesh: _Mesh, relax: _Relaxing) -> _Mesh:
@@ -133,7 +170,7 @@ def _with(count: int, mesh: _Mesh, relax: _Relaxing) -> _Mesh:
             return mesh
         if missing > 0:
             edges, side_edge, _ = edge_table(mesh.triangles)
-            longest = np.argsort(-_lengths(mesh.x, edges), kind="stable")
+            longest = np.argsort(-mesh.lengths(edges), kind="stable")
             mesh = _split(mesh, _apart(longest, side_edge, len(edges), missing))
         else:
             mesh = _collapsed(mesh, np.inf, -missing)
@@ -143,13 +180,9 @@ def _with(count: int, mesh: _Mesh, relax: _Relaxing) -> _Mesh:
     return mesh
 
 
-def _lengths(vertices: FloatArray, edges: IntArray) -> FloatArray:
-    return np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
-
-
 def _round(mesh: _Mesh, length: float, relax: _Relaxing) -> _Mesh:
     edges = edge_table(mesh.triangles)[0]
-    mesh = _split(mesh, _lengths(mesh.x, edges) > 4.0 / 3.0 * length)
+    mesh = _split(mesh, mesh.lengths(edges) > 4.0 / 3.0 * length)
     mesh = _collapsed(mesh, 0.8 * length, len(mesh.x))
     return relax(mesh)
 
@@ -167,6 +200,7 @@ def _split(mesh: _Mesh, chosen: NDArray[np.bool_]) -> _Mesh:
         triangles,
         np.concatenate([edges[of_line & ~chosen], *halves]).astype(np.int32),
         np.concatenate([mesh.corner, np.zeros(len(x) - len(mesh.x), bool)]),
+        np.concatenate([mesh.size, mesh.size[edges[chosen]].mean(axis=1)]),
     )
 
 
@@ -193,7 +227,7 @@ def _apart(
 def _collapsed(mesh: _Mesh, limit: float, most: int) -> _Mesh:
     """Edges shorter than `limit` collapsed, shortest first, at most `most` of them."""
     edges, _, count = edge_table(mesh.triangles)
-    size = _lengths(mesh.x, edges)
+    size = mesh.lengths(edges)
     on_boundary = np.zeros(len(mesh.x), dtype=bool)
     on_boundary[edges[count == 1]] = True
     is_line = mesh.is_line(edges)
@@ -249,7 +283,9 @@ def _collapsed(mesh: _Mesh, limit: float, most: int) -> _Mesh:
     kept = np.array([face for face in faces if face], dtype=np.int32)
     lines = number[into[mesh.lines]].astype(np.int32)
     lines = lines[lines[:, 0] != lines[:, 1]]
-    return _Mesh(x[alive], number[kept].astype(np.int32), lines, mesh.corner[alive])
+    return _Mesh(
+        x[alive], number[kept].astype(np.int32), lines, mesh.corner[alive], mesh.size[alive]
+    )
 
 
 def _turns(x: FloatArray, face: list[int], moved: int, place: FloatArray) -> bool:
@@ -316,11 +352,15 @@ def _angle(x: FloatArray, apex: IntArray, a: IntArray, b: IntArray) -> FloatArra
 
 
 def _smoothed(mesh: _Mesh) -> FloatArray:
-    """Vertices moved half way to the middle of their neighbours, along surface and lines."""
+    """Vertices moved half way to the middle of their neighbours, along surface and lines.
+
+    A neighbour weighs the more the shorter the edge to it shall be: a vertex whose edges are as
+    long as they shall be stays where it is.
+    """
     vertices, triangles = mesh.x, mesh.triangles
-    neighbours = adjacency(triangles, len(vertices))
-    step = neighbours @ vertices / neighbours.sum(axis=1).reshape(-1, 1) - vertices
-    step = np.asarray(step)
+    edges = edge_table(triangles)[0]
+    near = links(edges, 1.0 / mesh.size[edges].mean(axis=1), len(vertices))
+    step = np.asarray(near @ vertices / near.sum(axis=1).reshape(-1, 1)) - vertices
     normal = np.empty_like(vertices)
     vertex_normals(vertices, triangles, normal)
     step -= np.einsum("ni,ni->n", step, normal)[:, None] * normal
@@ -331,8 +371,11 @@ def _smoothed(mesh: _Mesh) -> FloatArray:
     # Between its two neighbours on the line; where there are more or fewer it stays.
     first, size = np.unique(ends[:, 0], return_index=True, return_counts=True)[1:]
     pair = first[(size == 2) & ~mesh.corner[ends[first, 0]]]
-    here, p, q = ends[pair, 0], vertices[ends[pair, 1]], vertices[ends[pair + 1, 1]]
+    here, before, after = ends[pair, 0], ends[pair, 1], ends[pair + 1, 1]
+    p, q = vertices[before], vertices[after]
     chord = (q - p) / np.maximum(np.linalg.norm(q - p, axis=1, keepdims=True), 1e-300)
-    along = np.einsum("ni,ni->n", 0.5 * (p + q) - vertices[here], chord)
+    to_p, to_q = (mesh.size[here] + mesh.size[end] for end in (before, after))
+    share = (to_p / (to_p + to_q))[:, None]
+    along = np.einsum("ni,ni->n", (1.0 - share) * p + share * q - vertices[here], chord)
     step[here] = along[:, None] * chord
     return vertices + 0.5 * step

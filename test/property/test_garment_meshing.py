@@ -12,6 +12,7 @@ from garment_sim_ros.garment.isosurface import clipped, surface_net
 from garment_sim_ros.garment.mesh import load_garment_mesh
 from garment_sim_ros.garment.mesh_repair import repaired
 from garment_sim_ros.garment.remesh import remeshed
+from garment_sim_ros.garment.sizing import Sizes
 from garment_sim_ros.garment.slices import NORMALS, Profile, outline, sections
 from garment_sim_ros.garment.subdivide import subdivided
 from garment_sim_ros.geometry.topology import boundary_loops, edge_table, non_manifold_edges
@@ -175,7 +176,7 @@ def test_remeshing_keeps_hems_seams_and_their_corners(tmp_path_factory, around, 
     path.write_text(text)
     mesh = load_garment_mesh(path, up="z")
     assert len(mesh.seams) == 2 * (rows - 1)
-    made = evened(mesh, edge)
+    made = evened(mesh, Sizes.even(edge))
     y, triangles = made.vertices, made.triangles
     edges, _, _ = edge_table(triangles)
     length = np.linalg.norm(y[edges[:, 0]] - y[edges[:, 1]], axis=1)

@@ -64,6 +64,8 @@ def test_a_skirt_is_sewn_written_and_worn(tmp_path, capsys):
         (["--garment", "tshirt", "--edge-length", "3"], "edge_length.*larger than panel"),
         (["--garment", "tshirt", "--edge-length", "-1"], "edge_length"),
         (["--garment", "tshirt", "--body", "nobody.glb"], "nobody.glb"),
+        (["--garment", "tshirt", "--shortest-edge", "0.01"], "--shortest-edge: given without a"),
+        (["--garment", "tshirt", "--deviation", "0.01"], "--deviation: given without --shortest"),
     ],
 )
 def test_what_cannot_be_used_is_said_in_one_line(tmp_path, capsys, arguments, words):
@@ -88,3 +90,30 @@ def test_a_mesh_is_fitted_and_written(tmp_path, data_file):
     avatar = Avatar.load(body)
     (garment,) = avatar.dress(str(out)).garments
     assert len(garment.vertices) > 395
+
+
+def test_edges_of_a_mesh_are_shorter_where_it_bends(tmp_path, capsys, data_file):
+    """`dress --shortest-edge` does what `remesh: curved` of an outfit does, as `info` tells."""
+    mesh = data_file("garments", "tshirt_female.obj")
+    body = data_file("bodies", "mh_female_young.glb")
+    out = tmp_path / "mesh.yaml"
+    asked = ["--edge-length", "0.03", "--shortest-edge", "0.01", "--deviation", "0.001"]
+    worn = ["dress", "--body", str(body), "--garment", str(mesh), "--out", str(out)]
+    assert main([*worn, "--no-preview", *asked, "--json"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    made = json.loads(lines[-1])["garments"]["tshirt_female"]["vertices"]
+    assert any("meshed anew" in line and f"became {made};" in line for line in lines)
+    own = tmp_path / "own.yaml"
+    options = "remesh: curved, edge_length: 0.03, shortest_edge: 0.01, deviation: 0.001"
+    own.write_text(
+        f"version: 1\ngarments:\n  - name: shirt\n    mesh: {mesh}\n    options: {{{options}}}\n"
+    )
+    picture = tmp_path / "p.png"
+    for outfit in (out, own):
+        shown = ["info", "--body", str(body), "--outfit", str(outfit), "--preview", str(picture)]
+        assert main(shown) == 0
+        assert f": {made} vertices" in capsys.readouterr().out
+    own.write_text(own.read_text().replace("edge_length: 0.03", "edge_length: 0.005"))
+    assert main(["info", "--body", str(body), "--outfit", str(own)]) == 2
+    said = capsys.readouterr().err
+    assert "garment 'shirt'.shortest_edge: found 0.01 m; allowed: up to edge_length" in said

@@ -17,6 +17,7 @@ from garment_sim_ros.garment.generators import long_skirt, short_skirt, tshirt
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import load_garment_mesh
 from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.garment.sizing import Sizes
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology, non_manifold_edges
 from garment_sim_ros.sim.simulation import Simulation
@@ -143,7 +144,7 @@ def test_real_meshes_load_and_refine(data_file, file, loops, edges):
 )
 def test_a_remeshed_garment_has_its_hems_and_its_shape(data_file, file, away):
     mesh = load_garment_mesh(data_file("garments", file))
-    even = evened(mesh, 0.022)
+    even = evened(mesh, Sizes.even(0.022))
     girths = []
     for made in (mesh, even):
         x, loops = made.vertices, boundary_loops(made.triangles)
@@ -193,7 +194,7 @@ def test_uneven_meshes_are_meshed_anew_on_the_same_surface(data_file, tmp_path, 
     path = data_file("garments", file)
     plain = load_garment_mesh(path)
     assert is_uneven(plain)
-    even = evened(plain, 0.022)
+    even = evened(plain, Sizes.even(0.022))
     fine = load_garment_mesh(path, edge_length=0.022)
     assert not is_uneven(even)
     length = np.linalg.norm(

@@ -8,6 +8,7 @@ from simple_patterns import tube
 
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.garment.materials import PRESETS, material_from
 from garment_sim_ros.garment.patterns.gates import LIMITS, gates
 from garment_sim_ros.garment.patterns.ironing import ironed, self_intersections
 from garment_sim_ros.garment.patterns.making import DRAFTS, Model, make
@@ -91,6 +92,15 @@ def test_panels_start_clear_of_the_body(tshirt, model):
     assert gap.min() > 0.009
     flat = tshirt.pieces.panel < 2
     assert gap[flat].min() >= CLEARANCE - 1e-6
+
+
+def test_shirts_are_worn_thicker_than_their_fabric(tshirt, skirt):
+    """As an outfit file says it, which reads as the fabric but for that."""
+    assert skirt.material == "polyester"
+    assert tshirt.fabric == "cotton_jersey"
+    jersey = PRESETS["cotton_jersey"].material
+    assert jersey.thickness < 0.004
+    assert material_from(tshirt.material) == replace(jersey, thickness=0.004)
 
 
 def test_what_was_sewn_rests_where_it_is_put_on(tshirt, model):

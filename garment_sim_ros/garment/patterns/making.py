@@ -42,6 +42,9 @@ from garment_sim_ros.sim.simulation import Simulation
 
 _OF_LEGS = ("inseam", "crotch")
 """Labels of edges that garments with legs have."""
+_OF_TOPS = 0.004
+"""Thickness that shirts are worn with [m]: bends at the shoulders leave some millimetres of skin
+outside of hulls, and a skirt below stays below."""
 EDGE_LENGTH = 0.022
 """Edge length of patterns from files [m]."""
 
@@ -55,22 +58,31 @@ class Draft:
         vertices: How many the sewn garment has, about.
         fabric: Name of its fabric.
         text: What it is.
+        worn_thickness: Thickness that it is worn with [m]; 0: that of its fabric.
     """
 
     make: Callable[[Tape], Pattern]
     vertices: int
     fabric: str
     text: str
+    worn_thickness: float = 0.0
 
 
 DRAFTS: Mapping[str, Draft] = MappingProxyType(
     {
-        "tshirt": Draft(make=tshirt, vertices=1503, fabric="cotton_jersey", text="T-shirt"),
+        "tshirt": Draft(
+            make=tshirt,
+            vertices=1503,
+            fabric="cotton_jersey",
+            text="T-shirt",
+            worn_thickness=_OF_TOPS,
+        ),
         "long_sleeved_shirt": Draft(
             make=long_sleeved_shirt,
             vertices=2000,
             fabric="cotton_jersey",
             text="shirt with long sleeves",
+            worn_thickness=_OF_TOPS,
         ),
         "short_skirt": Draft(
             make=short_skirt, vertices=1687, fabric="polyester", text="short A-line skirt"
@@ -177,6 +189,7 @@ class Made:
         sewn: The garment at rest.
         fabric: Name of its fabric.
         gates: What it measures.
+        worn_thickness: As of a `Draft`.
     """
 
     name: str
@@ -184,6 +197,14 @@ class Made:
     sewn: Sewn
     fabric: str
     gates: Gates
+    worn_thickness: float = 0.0
+
+    @property
+    def material(self) -> str | dict[str, str | float]:
+        """Its fabric as an outfit file says it."""
+        if not self.worn_thickness:
+            return self.fabric
+        return {"preset": self.fabric, "thickness": self.worn_thickness}
 
     @property
     def mesh(self) -> GarmentMesh:
@@ -266,6 +287,7 @@ def make(
         sewn=sewn,
         fabric=fabric,
         gates=_measured(sewn, model),
+        worn_thickness=DRAFTS[str(source)].worn_thickness if str(source) in DRAFTS else 0.0,
     )
 
 

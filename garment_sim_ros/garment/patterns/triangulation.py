@@ -11,7 +11,7 @@ swapping and smoothing", in the plane).
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay, QhullError
+from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
@@ -96,23 +96,28 @@ def _within(points: FloatArray, polygon: FloatArray) -> NDArray[np.bool_]:
 
 def _to_outline(points: FloatArray, polygon: FloatArray) -> FloatArray:
     """Vectors from points to the nearest place on a polygon, shape [n, 2]."""
-    a, d = polygon, np.roll(polygon, -1, axis=0) - polygon
-    r = points[:, None] - a
-    t = np.clip((r * d).sum(axis=2) / np.maximum((d * d).sum(axis=1), 1e-300), 0.0, 1.0)
-    away = t[..., None] * d - r
-    nearest = (away**2).sum(axis=2).argmin(axis=1)
-    return away[np.arange(len(points)), nearest]
+    (ax, ay), (dx, dy) = polygon.T, (np.roll(polygon, -1, axis=0) - polygon).T
+    rx, ry = points[:, :1] - ax, points[:, 1:] - ay
+    t = np.clip((rx * dx + ry * dy) / np.maximum(dx * dx + dy * dy, 1e-300), 0.0, 1.0)
+    x, y = t * dx - rx, t * dy - ry
+    nearest = np.arange(len(points)), (x * x + y * y).argmin(axis=1)
+    return np.stack([x[nearest], y[nearest]], axis=1)
 
 
 def _kept(points: FloatArray, polygon: FloatArray, off: float) -> FloatArray:
     """Those points that are inside, moved away from the outline where they are too near to it."""
     points = points[_within(points, polygon)]
+    longest = np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1).max()
+    corner = cKDTree(polygon).query(points)[0]
+    near = np.flatnonzero(corner < off + 0.5 * longest)  # no other is within `off` of the outline
     for _ in range(2):
-        way = _to_outline(points, polygon)
+        way = _to_outline(points[near], polygon)
         apart = np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
-        points = points - np.where(apart < off, way / apart * (off - apart), 0.0)
-    apart = np.linalg.norm(_to_outline(points, polygon), axis=1)
-    return points[_within(points, polygon) & (apart > 0.8 * off)]
+        points[near] -= np.where(apart < off, way / apart * (off - apart), 0.0)
+    apart = np.linalg.norm(_to_outline(points[near], polygon), axis=1)
+    inside = _within(points, polygon)
+    inside[near] &= apart > 0.8 * off
+    return points[inside]
 
 
 def _thrown(outline: FloatArray, h: float, rng: np.random.Generator) -> FloatArray:

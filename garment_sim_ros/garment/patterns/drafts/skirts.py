@@ -29,7 +29,7 @@ _DART = {"front": 0.45, "back": 0.6}
 
 def short_skirt(tape: Tape) -> Pattern:
     """An A-line skirt that ends above the knees."""
-    return _skirt("short_skirt", tape, hem=0.7 * tape.crotch, flare=0.2)
+    return _skirt("short_skirt", tape, hem=0.7 * tape.crotch, flare=0.35)
 
 
 def long_skirt(tape: Tape) -> Pattern:
