@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from garment_sim_ros.jit import compiled
-from garment_sim_ros.params import XpbdSettings
+from garment_sim_ros.params import TRIANGLES, XpbdSettings
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.motion import damping_rate, outer_forces
@@ -102,7 +102,10 @@ def _given(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Given:
     assert isinstance(settings, XpbdSettings)
     rate = damping_rate(piece.model.material)
     coarse = settings.coarse and settings.iterations == 1
-    workspace.prepare(piece.model, step.dt, rate, step.search_every, coarse, step.sub_steps)
+    workspace.prepare(
+        *(piece.model, step.dt, rate, step.search_every, coarse, step.sub_steps),
+        settings.membrane == TRIANGLES,
+    )
     own, elastic, planes = _own(piece, workspace)
     frames, bodies = _around(workspace, step.colliders)
     rule = _rule(piece, workspace, step)

@@ -1,0 +1,92 @@
+"""Triangles of constant strain again, in float64 and one at a time, for tests to compare.
+
+The law is (warp, weft, shear, Poisson's ratio), `along` and `area` those of `sim.membrane`.
+"""
+
+from itertools import product
+
+import numpy as np
+
+from garment_sim_ros.arrays import FloatArray, IntArray
+from garment_sim_ros.sim.membrane import PRESSED
+
+
+def threads(x: FloatArray, along: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What a triangle [3, 3] makes of a metre of warp and of weft."""
+    f, g = along @ np.array([x[1] - x[0], x[2] - x[0]])
+    return f, g
+
+
+def strains(x: FloatArray, along: FloatArray) -> FloatArray:
+    """Of warp and weft, and the shear."""
+    f, g = threads(x, along)
+    return np.array([np.linalg.norm(f) - 1.0, np.linalg.norm(g) - 1.0, f @ g])
+
+
+def compliance(law: tuple[float, ...], softer: tuple[float, float]) -> FloatArray:
+    """Strain for each stress [m/N], with threads under compression so much softer."""
+    warp, weft, shear, poisson = law
+    both = -poisson / np.sqrt(warp * weft)
+    return np.array(
+        [
+            [softer[0] / warp, both, 0.0],
+            [both, softer[1] / weft, 0.0],
+            [0.0, 0.0, 1.0 / shear],
+        ]
+    )
+
+
+def softness(strain: FloatArray, law: tuple[float, ...]) -> tuple[float, float]:
+    """The pair for which stresses have the signs that it is for; there is only one."""
+    for pair in product((1.0, 1.0 / PRESSED), repeat=2):
+        stress = np.linalg.solve(compliance(law, pair), strain)
+        if all((s < 0.0) == (one > 1.0) for s, one in zip(stress, pair)):
+            return pair
+    raise AssertionError(strain)
+
+
+def energy(x: FloatArray, along: FloatArray, area: float, law: tuple[float, ...]) -> float:
+    """Of one triangle [J]: the largest of strain times stress less what the stress costs."""
+    strain = strains(x, along)
+    C = compliance(law, softness(strain, law))
+    return float(0.5 * area * strain @ np.linalg.solve(C, strain))
+
+
+def gradient(x: FloatArray, along: FloatArray) -> FloatArray:
+    """Of the three strains by the coordinates of the corners [1/m], shape [3, 9]."""
+    f, g = threads(x, along)
+    share = np.concatenate([-along.sum(axis=1, keepdims=True), along], axis=1)  # thread, corner
+    to = np.array([f / np.linalg.norm(f), g / np.linalg.norm(g)])
+    return np.array(
+        [
+            np.outer(share[0], to[0]).ravel(),
+            np.outer(share[1], to[1]).ravel(),
+            (np.outer(share[0], g) + np.outer(share[1], f)).ravel(),
+        ]
+    )
+
+
+def solve_triangles(
+    x: FloatArray,
+    particles: IntArray,
+    along: FloatArray,
+    area: FloatArray,
+    law: tuple[float, ...],
+    inverse_mass: FloatArray,
+    dt: float,
+    iterations: int,
+) -> FloatArray:
+    """Positions [n, 3] after passes over triangles: Macklin et al. 2016, equation 18, in blocks."""
+    x = np.array(x, dtype=np.float64)
+    multiplier = np.zeros((len(particles), 3))
+    for _ in range(iterations):
+        for t, corners in enumerate(particles):
+            J, w = gradient(x[corners], along[t]), np.repeat(inverse_mass[corners], 3)
+            strain = strains(x[corners], along[t])
+            C = compliance(law, softness(strain, law)) / (area[t] * dt**2)
+            A = J * w @ J.T
+            A[np.diag_indices(3)] *= 1.001
+            change = np.linalg.solve(A + C, strain - C @ multiplier[t])
+            multiplier[t] += change
+            x[corners] -= (w * (change @ J)).reshape(3, 3)
+    return x
