@@ -1,16 +1,19 @@
 """Cloth in its plane as triangles of constant strain: an orthotropic membrane.
 
 A triangle's warp and weft, unit vectors at rest, are mapped to f and g, which are linear in the
-positions of its corners. Its strains are e = |f| - 1 along the warp, d = |g| - 1 along the weft,
-and the shear s = f g, per area with the energy
+positions of its corners. Its strains are e = |f| - 1 along the warp, d = |g| - 1 along the weft and
+the shear s = (|f + g| - |f - g|) / sqrt 2, the difference of its two diagonals. Per area it has
+the energy
 
     W(e, d, s) = max over p, q of  p e + q d - U(p, q)  + G s^2 / 2,
     U(p, q) = p^2 / 2E + q^2 / 2D - n p q / sqrt(E D),
 
 p and q the stresses of warp and weft, E and D their stiffnesses, G that against shear, n Poisson's
-ratio (the geometric mean of both directions: n < 1 is a stable fabric whatever E and D). Lengths
-instead of squares, as in Baraff & Witkin 1998, "Large steps in cloth simulation", section 4.2:
-stress grows in proportion to stretch, and a triangle without area has forces that are finite.
+ratio (the geometric mean of both directions: n < 1 is a stable fabric whatever E and D). Strains
+are differences of lengths instead of squares (warp and weft as in Baraff & Witkin 1998, "Large
+steps in cloth simulation", section 4.2): stress grows in proportion to stretch, a triangle without
+area, or many times too large, has forces that are finite and not too stiff (the curvature of the
+energy is at most E, D and 3 G, wherever the corners are), and one that is turned over is at rest.
 
 **Compression.** Threads buckle long before they are pressed together, into folds that are finer
 than any mesh: a membrane that cannot bend carries no compression at all (Pipkin 1986, "The relaxed

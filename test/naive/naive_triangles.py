@@ -20,7 +20,8 @@ def threads(x: FloatArray, along: FloatArray) -> tuple[FloatArray, FloatArray]:
 def strains(x: FloatArray, along: FloatArray) -> FloatArray:
     """Of warp and weft, and the shear."""
     f, g = threads(x, along)
-    return np.array([np.linalg.norm(f) - 1.0, np.linalg.norm(g) - 1.0, f @ g])
+    shear = (np.linalg.norm(f + g) - np.linalg.norm(f - g)) / np.sqrt(2.0)
+    return np.array([np.linalg.norm(f) - 1.0, np.linalg.norm(g) - 1.0, shear])
 
 
 def compliance(law: tuple[float, ...], softer: tuple[float, float]) -> FloatArray:
@@ -57,11 +58,12 @@ def gradient(x: FloatArray, along: FloatArray) -> FloatArray:
     f, g = threads(x, along)
     share = np.concatenate([-along.sum(axis=1, keepdims=True), along], axis=1)  # thread, corner
     to = np.array([f / np.linalg.norm(f), g / np.linalg.norm(g)])
+    a, b = (way / np.linalg.norm(way) / np.sqrt(2.0) for way in (f + g, f - g))
     return np.array(
         [
             np.outer(share[0], to[0]).ravel(),
             np.outer(share[1], to[1]).ravel(),
-            (np.outer(share[0], g) + np.outer(share[1], f)).ravel(),
+            (np.outer(share[0], a - b) + np.outer(share[1], a + b)).ravel(),
         ]
     )
 

@@ -19,7 +19,7 @@ import numpy as np
 from garment_sim_ros.constants import GRAVITY
 from garment_sim_ros.contact.collide import collide
 from garment_sim_ros.contact.sweep import sweep
-from garment_sim_ros.params import ImplicitSettings
+from garment_sim_ros.params import TRIANGLES, ImplicitSettings
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.holds.tether_kernels import pull_tethers
 from garment_sim_ros.sim.model import Parameters
@@ -48,7 +48,8 @@ def begin(piece: Piece, step: Step) -> bool:
     """Makes ready for a step: outer forces and the matrix."""
     model, workspace = piece.model, _workspace(piece)
     workspace.keep = outer_forces(model, step.params, step.dt, workspace.push)
-    workspace.prepare(model, step.dt, damping_rate(model.material))
+    triangles = step.params.settings.membrane == TRIANGLES
+    workspace.prepare(model, step.dt, damping_rate(model.material), triangles=triangles)
     if not step.colliders.goes_on:
         workspace.hold.stiffness[:] = 0.0  # Put somewhere else: what was touched is gone.
     return True

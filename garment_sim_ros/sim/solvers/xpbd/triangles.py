@@ -18,6 +18,7 @@ import numpy as np
 from garment_sim_ros.geometry.four import (
     each_four_times,
     four_at,
+    higher_four,
     products,
     put_four,
     put_three,
@@ -33,6 +34,10 @@ NUMBERS = 11
 """How many there are of a triangle in `prepare_triangles`."""
 _THREE, _FOUR, _EIGHT = np.uint64(3), np.uint64(4), np.uint64(8)
 _TINY = np.float32(1e-20)
+_HALF_ROOT = np.float32(np.sqrt(0.5))
+_THIN = np.float32(1e-4)
+"""Smallest part of the sum of both diagonals' squares that one of them counts as: in a triangle
+that has collapsed to a line rounding is all that is known of its direction."""
 _FIRM = np.float32(1.001)
 """Where corners are pinned the three strains depend on each other; so much more of each one's own
 weight tells them apart."""
@@ -111,60 +116,85 @@ def _threads(triangles, at, d, e):
 
 
 @kernel(inner=True)
-def _strains(f, g):
-    """Lengths of f and g, and their product."""
+def _products(f, g):
+    """Scalar products f f, f g and g g."""
     tiny = same_four(_TINY)
-    return roots(products(f, f) + tiny), roots(products(g, g) + tiny), products(f, g)
+    return products(f, f) + tiny, products(f, g), products(g, g) + tiny
 
 
 @kernel(inner=True)
-def _multipliers(triangles, at, law, strains, stress):
-    """Multipliers of four triangles.
+def _shear(ff, fg, gg):
+    """Shear of four triangles from the scalar products of f and g, and how it grows.
+
+    Returns:
+        The shear; it grows by turn * g + grow * f for each metre that f gets longer, and by
+        turn * f + grow * g for each that g does: turn and grow.
+    """
+    both, two = ff + gg, fg + fg
+    least = same_four(_THIN) * both
+    a, b = roots(higher_four(both + two, least)), roots(higher_four(both - two, least))
+    half = same_four(_HALF_ROOT)
+    p, q = half / a, half / b
+    return half * (a - b), p + q, p - q
+
+
+@kernel(inner=True)
+def _multipliers(triangles, at, law, squared, stress):
+    """Multipliers of four triangles, and how far f and g go by them.
 
     Args:
         triangles: From `prepare_triangles`, flat.
         at: Where the numbers of the four begin.
         law: See `solve_triangles`.
-        strains: From `_strains`.
-        stress: Those that they have.
+        squared: Scalar products f f, f g and g g.
+        stress: Multipliers that they have: warp, weft and shear.
 
     Returns:
-        What is added to those that they have: warp, weft and shear.
+        What is added to those, three fours; what pulls f along f, f along g and g along f, and
+        g along g, three fours.
     """
-    f, g, fg = strains
+    ff, fg, gg = squared
+    f, g = roots(ff), roots(gg)
     one, firm = same_four(np.float32(1.0)), same_four(_FIRM)
     e, d = f - one, g - one
+    s, turn, grow = _shear(ff, fg, gg)
     warp = _number(triangles, at, 10)
     weft, shear = warp * same_four(law[0]), warp * same_four(law[1])
     both = warp * same_four(law[3])
     warp = warp * _pressed(e, d, same_four(law[2]))
     weft = weft * _pressed(d, e, same_four(law[3]))
     p, q, r = _number(triangles, at, 7), _number(triangles, at, 8), _number(triangles, at, 9)
+    # Scalar products of what f and g get by a shear, s and t, with f, g and each other.
+    sf, sg = grow * ff + turn * fg, grow * fg + turn * gg
+    tf, tg = turn * ff + grow * fg, turn * fg + grow * gg
+    i, j = one / f, one / g
     m11, m22 = p * firm + warp, r * firm + weft
-    m12 = q * fg / (f * g) - both
-    m13, m23 = p * fg / f + q * f, r * fg / g + q * g
-    m33 = (p * g * g + r * f * f + (q + q) * fg) * firm + shear
+    m12 = q * fg * i * j - both
+    m13, m23 = i * (p * sf + q * tf), j * (q * sg + r * tg)
+    ss, tt, st = grow * sf + turn * sg, turn * tf + grow * tg, turn * sf + grow * sg
+    m33 = (p * ss + r * tt + (q + q) * st) * firm + shear
     c1 = e - warp * stress[0] + both * stress[1]
     c2 = d - weft * stress[1] + both * stress[0]
-    c3 = fg - shear * stress[2]
+    c3 = s - shear * stress[2]
     # Cholesky without roots.
     i1 = one / m11
     l2, l3 = m12 * i1, m13 * i1
     i2 = one / (m22 - l2 * m12)
     n = m23 - l2 * m13
-    l = n * i2
-    i3 = one / (m33 - l3 * m13 - l * n)
+    l4 = n * i2
+    i3 = one / (m33 - l3 * m13 - l4 * n)
     c2 = c2 - l2 * c1
-    z = (c3 - l3 * c1 - l * c2) * i3
-    y = c2 * i2 - l * z
-    return c1 * i1 - l2 * y - l3 * z, y, z
+    z = (c3 - l3 * c1 - l4 * c2) * i3
+    y = c2 * i2 - l4 * z
+    x = c1 * i1 - l2 * y - l3 * z
+    return (x, y, z), (x * i + z * grow, z * turn, y * j + z * grow)
 
 
 @kernel(inner=True)
-def _moves(triangles, at, threads, strains, multipliers):
+def _moves(triangles, at, threads, pulled):
     """How far the first, second and third corners of four triangles go."""
     f, g = threads
-    u, v, s = multipliers[0] / strains[0], multipliers[1] / strains[1], multipliers[2]
+    u, s, v = pulled
     a1, a2 = _number(triangles, at, 0), _number(triangles, at, 1)
     b1, b2 = _number(triangles, at, 2), _number(triangles, at, 3)
     w0, w1, w2 = _number(triangles, at, 4), _number(triangles, at, 5), _number(triangles, at, 6)
@@ -268,9 +298,9 @@ def solve_triangles(x, particles, triangles, law):
         i, j, k = _corners(particles, n, _FOUR)
         o, p, q = _fours_at(x, i), _fours_at(x, j), _fours_at(x, k)
         threads = _threads(triangles, at, _less(p, o), _less(q, o))
-        strains = _strains(threads[0], threads[1])
-        pulled = _multipliers(triangles, at, law, strains, (none, none, none))
-        a, b, c = _moves(triangles, at, threads, strains, pulled)
+        squared = _products(threads[0], threads[1])
+        _, pulled = _multipliers(triangles, at, law, squared, (none, none, none))
+        a, b, c = _moves(triangles, at, threads, pulled)
         _put_fours(x, i, _plus(o, a))
         _put_fours(x, j, _plus(p, b))
         _put_fours(x, k, _plus(q, c))
@@ -299,16 +329,16 @@ def solve_triangles_apart(x, moved, particles, triangles, law, stress, alone):
         d = _plus(_less(_threes_at(x, j), first), _less(p, o))
         e = _plus(_less(_threes_at(x, k), first), _less(q, o))
         threads = _threads(triangles, at, d, e)
-        strains = _strains(threads[0], threads[1])
+        squared = _products(threads[0], threads[1])
         if alone:
-            pulled = _multipliers(triangles, at, law, strains, (none, none, none))
+            _, pulled = _multipliers(triangles, at, law, squared, (none, none, none))
         else:
             had = (four_at(stress, to), four_at(stress, to + _FOUR), four_at(stress, to + _EIGHT))
-            pulled = _multipliers(triangles, at, law, strains, had)
-            put_four(stress, to, had[0] + pulled[0])
-            put_four(stress, to + _FOUR, had[1] + pulled[1])
-            put_four(stress, to + _EIGHT, had[2] + pulled[2])
-        a, b, c = _moves(triangles, at, threads, strains, pulled)
+            added, pulled = _multipliers(triangles, at, law, squared, had)
+            put_four(stress, to, had[0] + added[0])
+            put_four(stress, to + _FOUR, had[1] + added[1])
+            put_four(stress, to + _EIGHT, had[2] + added[2])
+        a, b, c = _moves(triangles, at, threads, pulled)
         _put_threes(moved, i, _plus(o, a))
         _put_threes(moved, j, _plus(p, b))
         _put_threes(moved, k, _plus(q, c))
