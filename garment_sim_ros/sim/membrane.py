@@ -9,8 +9,9 @@ the energy
     U(p, q) = p^2 / 2E + q^2 / 2D - n p q / sqrt(E D),
 
 p and q the stresses of warp and weft, E and D their stiffnesses, G that against shear, n Poisson's
-ratio (the geometric mean of both directions: n < 1 is a stable fabric whatever E and D). Strains
-are differences of lengths instead of squares (warp and weft as in Baraff & Witkin 1998, "Large
+ratio (the geometric mean of both directions: n < 1 is a stable fabric whatever E and D). It is that
+of small strains: n falls as 1 / (1 + `FADING` (e^2 + d^2)), as a thread that is pulled to five
+times its length would else make the other one shorter than nothing. Strains are differences of lengths instead of squares (warp and weft as in Baraff & Witkin 1998, "Large
 steps in cloth simulation", section 4.2): stress grows in proportion to stretch, a triangle without
 area, or many times too large, has forces that are finite and not too stiff (the curvature of the
 energy is at most E, D and 3 G, wherever the corners are), and one that is turned over is at rest.
@@ -35,6 +36,8 @@ from garment_sim_ros.sim.model import ClothModel
 
 PRESSED = 0.1
 """Stiffness of threads under compression, as a part of that under tension."""
+FADING = 4.0
+"""How soon Poisson's ratio falls with strain."""
 _LEAST = 1e-6
 """Part of the largest stiffness which the others are at least: compliances are then finite."""
 _NEAR_ZERO = 1e-9

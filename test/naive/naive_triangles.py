@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray
-from garment_sim_ros.sim.membrane import PRESSED
+from garment_sim_ros.sim.membrane import FADING, PRESSED
 
 
 def threads(x: FloatArray, along: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -24,10 +24,12 @@ def strains(x: FloatArray, along: FloatArray) -> FloatArray:
     return np.array([np.linalg.norm(f) - 1.0, np.linalg.norm(g) - 1.0, shear])
 
 
-def compliance(law: tuple[float, ...], softer: tuple[float, float]) -> FloatArray:
+def compliance(
+    strain: FloatArray, law: tuple[float, ...], softer: tuple[float, float]
+) -> FloatArray:
     """Strain for each stress [m/N], with threads under compression so much softer."""
     warp, weft, shear, poisson = law
-    both = -poisson / np.sqrt(warp * weft)
+    both = -poisson / (1.0 + FADING * strain[:2] @ strain[:2]) / np.sqrt(warp * weft)
     return np.array(
         [
             [softer[0] / warp, both, 0.0],
@@ -40,7 +42,7 @@ def compliance(law: tuple[float, ...], softer: tuple[float, float]) -> FloatArra
 def softness(strain: FloatArray, law: tuple[float, ...]) -> tuple[float, float]:
     """The pair for which stresses have the signs that it is for; there is only one."""
     for pair in product((1.0, 1.0 / PRESSED), repeat=2):
-        stress = np.linalg.solve(compliance(law, pair), strain)
+        stress = np.linalg.solve(compliance(strain, law, pair), strain)
         if all((s < 0.0) == (one > 1.0) for s, one in zip(stress, pair)):
             return pair
     raise AssertionError(strain)
@@ -49,7 +51,7 @@ def softness(strain: FloatArray, law: tuple[float, ...]) -> tuple[float, float]:
 def energy(x: FloatArray, along: FloatArray, area: float, law: tuple[float, ...]) -> float:
     """Of one triangle [J]: the largest of strain times stress less what the stress costs."""
     strain = strains(x, along)
-    C = compliance(law, softness(strain, law))
+    C = compliance(strain, law, softness(strain, law))
     return float(0.5 * area * strain @ np.linalg.solve(C, strain))
 
 
@@ -85,7 +87,7 @@ def solve_triangles(
         for t, corners in enumerate(particles):
             J, w = gradient(x[corners], along[t]), np.repeat(inverse_mass[corners], 3)
             strain = strains(x[corners], along[t])
-            C = compliance(law, softness(strain, law)) / (area[t] * dt**2)
+            C = compliance(strain, law, softness(strain, law)) / (area[t] * dt**2)
             A = J * w @ J.T
             A[np.diag_indices(3)] *= 1.001
             change = np.linalg.solve(A + C, strain - C @ multiplier[t])

@@ -7,7 +7,7 @@ from scipy.sparse import coo_matrix
 
 from garment_sim_ros.arrays import FloatArray, IndexArray, IntArray, SingleArray
 from garment_sim_ros.jit import kernel
-from garment_sim_ros.sim.membrane import PRESSED, Law, Membrane
+from garment_sim_ros.sim.membrane import FADING, PRESSED, Law, Membrane
 
 _TINY = np.float32(1e-20)
 _THIN = np.float32(1e-4)
@@ -82,18 +82,20 @@ def triangle_bound(edges: IntArray, cloth: Membrane, law: Law) -> FloatArray:
 @kernel(inner=True)
 def _stresses(e, d, law):
     """Stresses of warp and weft [N/m] from their strains, see `sim.membrane`."""
-    warp, weft, poisson = law[0], law[1], law[3]
-    one, part = np.float32(1.0), np.float32(PRESSED)
-    root = poisson * np.sqrt(weft / warp)
-    cross = poisson * np.sqrt(warp / weft)
-    softer_e = one if e + root * (d if d > np.float32(0.0) else part * d) >= 0 else one / part
-    softer_d = one if d + cross * (e if e > np.float32(0.0) else part * e) >= 0 else one / part
-    both = poisson * np.sqrt(warp * weft)
+    warp, weft = law[0], law[1]
+    zero, one, part = np.float32(0.0), np.float32(1.0), np.float32(PRESSED)
+    fading = np.float32(FADING)
+    small = one / (one + fading * (e * e + d * d))
+    poisson = law[3] * small
+    both = np.sqrt(warp * weft)
+    softer_e = one if warp * e + poisson * both * max(d, part * d) >= zero else one / part
+    softer_d = one if weft * d + poisson * both * max(e, part * e) >= zero else one / part
     scale = one / (softer_e * softer_d - poisson * poisson)
-    return (
-        scale * (softer_d * warp * e + both * d),
-        scale * (softer_e * weft * d + both * e),
-    )
+    p = scale * (softer_d * warp * e + poisson * both * d)
+    q = scale * (softer_e * weft * d + poisson * both * e)
+    # What is saved where Poisson's ratio falls.
+    fall = np.float32(2.0) * fading * small * poisson * p * q / both
+    return p - fall * e, q - fall * d
 
 
 @kernel(inner=True)

@@ -28,7 +28,7 @@ from garment_sim_ros.geometry.four import (
     where_above,
 )
 from garment_sim_ros.jit import kernel
-from garment_sim_ros.sim.membrane import PRESSED
+from garment_sim_ros.sim.membrane import FADING, PRESSED
 
 NUMBERS = 11
 """How many there are of a triangle in `prepare_triangles`."""
@@ -160,9 +160,11 @@ def _multipliers(triangles, at, law, squared, stress):
     s, turn, grow = _shear(ff, fg, gg)
     warp = _number(triangles, at, 10)
     weft, shear = warp * same_four(law[0]), warp * same_four(law[1])
-    both = warp * same_four(law[3])
-    warp = warp * _pressed(e, d, same_four(law[2]))
-    weft = weft * _pressed(d, e, same_four(law[3]))
+    small = one / (one + same_four(np.float32(FADING)) * (e * e + d * d))
+    by_weft, by_warp = small * same_four(law[2]), small * same_four(law[3])
+    both = warp * by_warp
+    warp = warp * _pressed(e, d, by_weft)
+    weft = weft * _pressed(d, e, by_warp)
     p, q, r = _number(triangles, at, 7), _number(triangles, at, 8), _number(triangles, at, 9)
     # Scalar products of what f and g get by a shear, s and t, with f, g and each other.
     sf, sg = grow * ff + turn * fg, grow * fg + turn * gg
