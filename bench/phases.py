@@ -1,7 +1,7 @@
 """Where the time of a frame goes: the default outfit on the walking mannequin, phase by phase.
 
-    python bench/phases.py [--seconds 6] [--outfit tshirt_short_skirt] [--membrane springs triangles]
-        [--paced] [--json]
+    python bench/phases.py [--seconds 6] [--outfit tshirt_short_skirt] [--paced] [--json]
+        [--membrane springs triangles]
 
 Processor time of the thread, medians over the frames [ms]. ``--paced`` waits for the next sixtieth
 of a second before each frame, as a node does; without it frames follow each other. What a phase
@@ -94,7 +94,9 @@ def main() -> None:
     measure()
     avatar = gs.Avatar.load("mannequin")
     outfit = avatar.dress(options.outfit)
-    simulations = {m: gs.Simulation(outfit, avatar.colliders, membrane=m) for m in options.membrane}
+    simulations = {
+        m: gs.Simulation(outfit, avatar.colliders, membrane=m) for m in options.membrane
+    }
     poses = iter(avatar.play("walk", rate=RATE, seconds=options.seconds))
     for _ in range(SKIPPED):
         pose = next(poses)

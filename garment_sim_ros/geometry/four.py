@@ -71,9 +71,7 @@ def squares(a: SingleArray, b: SingleArray, c: SingleArray, d: SingleArray) -> S
     return np.array([np.dot(v[:3], v[:3]) for v in (a, b, c, d)], np.float32)
 
 
-def products(
-    a: tuple[SingleArray, ...], b: tuple[SingleArray, ...]
-) -> SingleArray:
+def products(a: tuple[SingleArray, ...], b: tuple[SingleArray, ...]) -> SingleArray:
     """Scalar products of four vectors with four others; the last number of each does not count."""
     return np.array([np.dot(v[:3], w[:3]) for v, w in zip(a, b)], np.float32)
 
@@ -228,9 +226,7 @@ def _squares(context, builder, sig, args):
 
 @lower_builtin(products, types.UniTuple, types.UniTuple)
 def _products(context, builder, sig, args):
-    a, b = (
-        [builder.extract_value(vectors, k) for k in range(4)] for vectors in args
-    )
+    a, b = ([builder.extract_value(vectors, k) for k in range(4)] for vectors in args)
     x, y, z = _by_axis(builder, *map(builder.fmul, a, b))
     return builder.fadd(builder.fadd(x, y), z)
 

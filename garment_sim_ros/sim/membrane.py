@@ -1,28 +1,30 @@
 """Cloth in its plane as triangles of constant strain: an orthotropic membrane.
 
 A triangle's warp and weft, unit vectors at rest, are mapped to f and g, which are linear in the
-positions of its corners. Its strains are e = |f| - 1 along the warp, d = |g| - 1 along the weft and
-the shear s = (|f + g| - |f - g|) / sqrt 2, the difference of its two diagonals. Per area it has
-the energy
+positions of its corners. Its strains are e = |f| - 1 along the warp, d = |g| - 1 along the weft
+and the shear s = (|f + g| - |f - g|) / sqrt 2, the difference of its two diagonals. Per area it
+has the energy
 
     W(e, d, s) = max over p, q of  p e + q d - U(p, q)  + G s^2 / 2,
     U(p, q) = p^2 / 2E + q^2 / 2D - n p q / sqrt(E D),
 
 p and q the stresses of warp and weft, E and D their stiffnesses, G that against shear, n Poisson's
-ratio (the geometric mean of both directions: n < 1 is a stable fabric whatever E and D). It is that
-of small strains: n falls as 1 / (1 + `FADING` (e^2 + d^2)), as a thread that is pulled to five
-times its length would else make the other one shorter than nothing. Strains are differences of lengths instead of squares (warp and weft as in Baraff & Witkin 1998, "Large
-steps in cloth simulation", section 4.2): stress grows in proportion to stretch, a triangle without
-area, or many times too large, has forces that are finite and not too stiff (the curvature of the
-energy is at most E, D and 3 G, wherever the corners are), and one that is turned over is at rest.
+ratio (the geometric mean of both directions: n < 1 is a stable fabric whatever E and D). It is
+that of small strains: n falls as 1 / (1 + `FADING` (e^2 + d^2)), as a thread that is pulled to
+five times its length would else make the other one shorter than nothing.
+
+Strains are differences of lengths instead of squares (warp and weft as in Baraff & Witkin 1998,
+"Large steps in cloth simulation", section 4.2). Stress grows in proportion to stretch. A triangle
+without area, or many times too large, has forces that are finite and not too stiff: the curvature
+of the energy is at most E, D and 3 G, wherever the corners are. One that is turned over is at rest.
 
 **Compression.** Threads buckle long before they are pressed together, into folds that are finer
 than any mesh: a membrane that cannot bend carries no compression at all (Pipkin 1986, "The relaxed
-energy density for isotropic elastic membranes"; thread by thread, as here, it is the relaxation of
-a net, Pipkin 1986 in "Continuously distributed wrinkles in fabrics"). With stress below zero a
-thread therefore has `PRESSED` of its stiffness: U has p^2 / 2 `PRESSED` E then. Not none: what holds
-a mesh against compression makes it fold instead of shrinking, and the folds that the mesh can show
-are those that its hinges resist. U stays convex and smooth, so that W does, too.
+energy density for isotropic elastic membranes"; for a net, thread by thread as here, Pipkin 1986,
+"Continuously distributed wrinkles in fabrics"). With stress below zero a thread therefore has
+`PRESSED` of its stiffness: U has p^2 / (2 `PRESSED` E) then. Not none: what holds a mesh against
+compression makes it fold instead of shrinking, and the folds that the mesh can show are those that
+its hinges resist. U stays convex and smooth, so that W does, too.
 """
 
 from typing import NamedTuple
@@ -68,11 +70,12 @@ class Law(NamedTuple):
             material.shear_stiffness,
         )
         least = max(_LEAST * max(asked), 1e-6)
-        return cls(*(max(k, least) for k in asked), material.poisson_ratio)
+        warp, weft, shear = (max(k, least) for k in asked)
+        return cls(warp, weft, shear, material.poisson_ratio)
 
     @property
     def in_shares(self) -> SingleArray:
-        """Warp over weft and shear; Poisson's ratio by the weft's strain and by the warp's, [4]."""
+        """Warp over weft and shear; Poisson's ratio by the weft's strain and the warp's, [4]."""
         root = np.sqrt(self.weft / self.warp)
         shares = (1.0 / root**2, self.warp / self.shear, self.poisson * root, self.poisson / root)
         return np.array(shares, np.float32)

@@ -78,6 +78,4 @@ def grid(
                 if solver == "relaxation" and membrane != SPRINGS:
                     continue
                 for n, k in pairs:
-                    yield Point(
-                        kind=kind, solver=solver, sub_steps=n, passes=k, membrane=membrane
-                    )
+                    yield Point(kind=kind, solver=solver, sub_steps=n, passes=k, membrane=membrane)

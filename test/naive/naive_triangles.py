@@ -80,7 +80,7 @@ def solve_triangles(
     dt: float,
     iterations: int,
 ) -> FloatArray:
-    """Positions [n, 3] after passes over triangles: Macklin et al. 2016, equation 18, in blocks."""
+    """Positions [n, 3] after passes over triangles: equation 18 of XPBD, in blocks."""
     x = np.array(x, dtype=np.float64)
     multiplier = np.zeros((len(particles), 3))
     for _ in range(iterations):

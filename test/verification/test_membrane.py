@@ -150,7 +150,7 @@ def test_strips_of_other_fabrics(cloth, fabric, solver, settings):
 
 @pytest.mark.parametrize("solver", SOLVED)
 def test_strips_get_narrower_by_poissons_ratio(cloth, solver):
-    """A strip along the warp, pulled: its width changes by n sqrt(D / E) of what its length does."""
+    """Pulled along the warp the width changes by n sqrt(D / E) of what the length does."""
     fabric = dataclasses.replace(PRESETS["denim"].material, poisson_ratio=0.3)
     pull = STRAIN / given(fabric, 90.0)
     x, p = pulled(cloth, "random", fabric, 90.0, pull, solver, SOLVED[solver])

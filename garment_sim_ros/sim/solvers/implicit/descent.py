@@ -14,8 +14,8 @@ from garment_sim_ros.sim.solvers.implicit.forces import (
     predict_with_share,
 )
 from garment_sim_ros.sim.solvers.implicit.lbfgs import descend, dot, remember
-from garment_sim_ros.sim.solvers.implicit.triangles import triangle_forces
 from garment_sim_ros.sim.solvers.implicit.ties import add_ties, follow_ties
+from garment_sim_ros.sim.solvers.implicit.triangles import triangle_forces
 
 _TOO_FAR = 0.9
 """A step that ends where energy grows along it as fast as this share of how it fell is cut."""

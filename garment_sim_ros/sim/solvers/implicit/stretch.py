@@ -66,10 +66,10 @@ class Stretch(NamedTuple):
         # Of a corner against its opposite side, at most.
         steepest = np.abs(cloth.along).sum(axis=2).max(axis=1) ** 2
         wanted = cloth.area * steepest * max(law[:3])
-        cloth = cloth._replace(area=cloth.area * np.minimum(1.0, most / np.maximum(wanted, 1e-300)))
+        cloth = cloth._replace(
+            area=cloth.area * np.minimum(1.0, most / np.maximum(wanted, 1e-300))
+        )
         bound = band + triangle_bound(edges, cloth, law)
         at = band > 0.0
-        return cls(
-            *(edges[at], band[at], length[at]),
-            *(Triangles.of(cloth, law, column), bound, wanted, "triangles"),
-        )
+        made = Triangles.of(cloth, law, column)
+        return cls(edges[at], band[at], length[at], made, bound, wanted, "triangles")

@@ -108,7 +108,7 @@ def _laid_along(d, e, first, second):
 
 @kernel(inner=True)
 def _threads(triangles, at, d, e):
-    """f and g of four triangles whose sides are d and e and whose numbers begin at `at`."""
+    """F and g of four triangles whose sides are d and e and whose numbers begin at `at`."""
     return (
         _laid_along(d, e, _number(triangles, at, 0), _number(triangles, at, 1)),
         _laid_along(d, e, _number(triangles, at, 2), _number(triangles, at, 3)),
