@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 
 import garment_sim_ros as gs
-from garment_sim_ros.params import MEMBRANES
 from garment_sim_ros.sim import loop
 from garment_sim_ros.sim import simulation as steps
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.holds.pins import Pins
 from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.solvers.xpbd import step as solver
+from garment_sim_ros.solver_params import MEMBRANES
 
 RATE, SKIPPED = 60.0, 30
 KERNELS = {

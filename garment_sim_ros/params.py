@@ -11,9 +11,6 @@ from garment_sim_ros.declaration import idle as idle
 from garment_sim_ros.declaration import markdown_table as markdown_table
 from garment_sim_ros.declaration import parameter as parameter
 from garment_sim_ros.declaration import validated as validated
-from garment_sim_ros.solver_params import MEMBRANES as MEMBRANES
-from garment_sim_ros.solver_params import SPRINGS as SPRINGS
-from garment_sim_ros.solver_params import TRIANGLES as TRIANGLES
 from garment_sim_ros.solver_params import ImplicitSettings as ImplicitSettings
 from garment_sim_ros.solver_params import RelaxationSettings as RelaxationSettings
 from garment_sim_ros.solver_params import XpbdSettings as XpbdSettings
@@ -42,13 +39,7 @@ class Material:
     shear_stiffness: float = parameter(
         60.0, "In-plane shear stiffness.", unit="N/m", minimum=0.0, maximum=1e9
     )
-    poisson_ratio: float = parameter(
-        0.2,
-        "Poisson's ratio in the plane, the geometric mean of both directions. Acts on triangles; "
-        "springs have one of their own.",
-        minimum=0.0,
-        maximum=0.9,
-    )
+    poisson_ratio: float = parameter(0.2, "Poisson's ratio of threads.", minimum=0.0, maximum=0.9)
     bending_stiffness: float = parameter(
         1e-5, "Bending rigidity per width.", unit="N m", minimum=0.0, maximum=1e3
     )

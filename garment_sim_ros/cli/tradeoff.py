@@ -16,8 +16,8 @@ from garment_sim_ros.cli.progress import progress
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.collider_params import HULLS, METHODS
 from garment_sim_ros.errors import GarmentSimError, InputFileError, ParameterError
-from garment_sim_ros.params import MEMBRANES, SPRINGS
 from garment_sim_ros.sim.solvers import SOLVERS
+from garment_sim_ros.solver_params import MEMBRANES, SPRINGS
 from garment_sim_ros.tradeoff.plots import draw
 from garment_sim_ros.tradeoff.points import Point, grid
 from garment_sim_ros.tradeoff.runner import measured, referenced

@@ -16,7 +16,7 @@ five times its length would else make the other one shorter than nothing.
 Strains are differences of lengths instead of squares (warp and weft as in Baraff & Witkin 1998,
 "Large steps in cloth simulation", section 4.2). Stress grows in proportion to stretch. A triangle
 without area, or many times too large, has forces that are finite and not too stiff: the curvature
-of the energy is at most E, D and 3 G, wherever the corners are. One that is turned over is at rest.
+of the energy is at most E, D and 3 G, wherever the corners are. Turned over it is at rest.
 
 **Compression.** Threads buckle long before they are pressed together, into folds that are finer
 than any mesh: a membrane that cannot bend carries no compression at all (Pipkin 1986, "The relaxed

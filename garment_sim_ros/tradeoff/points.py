@@ -4,7 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from garment_sim_ros.params import SPRINGS, ImplicitSettings, RelaxationSettings, XpbdSettings
+from garment_sim_ros.params import ImplicitSettings, RelaxationSettings, XpbdSettings
+from garment_sim_ros.solver_params import SPRINGS
 
 GRID: Mapping[str, Sequence[tuple[int, int]]] = {
     "relaxation": ((1, 3), (3, 3), (3, 10), (6, 3), (12, 3)),

@@ -13,7 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from garment_sim_ros.arrays import SingleArray
-from garment_sim_ros.params import SPRINGS
+from garment_sim_ros.solver_params import SPRINGS
 from garment_sim_ros.tradeoff.metrics import distance_mm, pierced, rest_speed_mm_s
 from garment_sim_ros.tradeoff.playing import Player, Snapshot
 from garment_sim_ros.tradeoff.points import Point

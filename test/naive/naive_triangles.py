@@ -1,14 +1,28 @@
-"""Triangles of constant strain again, in float64 and one at a time, for tests to compare.
-
-The law is (warp, weft, shear, Poisson's ratio), `along` and `area` those of `sim.membrane`.
-"""
+"""Triangles of constant strain again, in float64 and one at a time, for tests to compare."""
 
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.sim.membrane import FADING, PRESSED
+
+
+class Triangles(NamedTuple):
+    """A membrane.
+
+    Attributes:
+        corners: Of the triangles, in the order in which they are solved, shape [t, 3].
+        along: See `sim.membrane.Membrane`, shape [t, 2, 2].
+        area: Shape [t] [m^2].
+        law: Stiffness of warp, weft and shear [N/m], and Poisson's ratio.
+    """
+
+    corners: IntArray
+    along: FloatArray
+    area: FloatArray
+    law: tuple[float, ...]
 
 
 def threads(x: FloatArray, along: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -70,24 +84,33 @@ def gradient(x: FloatArray, along: FloatArray) -> FloatArray:
     )
 
 
+def forces(x: FloatArray, cloth: Triangles) -> FloatArray:
+    """Less the gradient of the energy [N], shape [n, 3]."""
+    force = np.zeros_like(x, dtype=np.float64)
+    for corners, along, area in zip(cloth.corners, cloth.along, cloth.area):
+        strain = strains(x[corners], along)
+        C = compliance(strain, cloth.law, softness(strain, cloth.law))
+        stress = np.linalg.solve(C, strain)
+        # Poisson's ratio falls with strain: U has - n p q / sqrt(E D).
+        small = 1.0 / (1.0 + FADING * strain[:2] @ strain[:2])
+        falls = -2.0 * FADING * small**2 * cloth.law[3] * strain[:2]
+        stress[:2] += falls * stress[0] * stress[1] / np.sqrt(cloth.law[0] * cloth.law[1])
+        force[corners] -= area * (stress @ gradient(x[corners], along)).reshape(3, 3)
+    return force
+
+
 def solve_triangles(
-    x: FloatArray,
-    particles: IntArray,
-    along: FloatArray,
-    area: FloatArray,
-    law: tuple[float, ...],
-    inverse_mass: FloatArray,
-    dt: float,
-    iterations: int,
+    x: FloatArray, cloth: Triangles, inverse_mass: FloatArray, dt: float, iterations: int
 ) -> FloatArray:
     """Positions [n, 3] after passes over triangles: equation 18 of XPBD, in blocks."""
     x = np.array(x, dtype=np.float64)
-    multiplier = np.zeros((len(particles), 3))
+    multiplier = np.zeros((len(cloth.corners), 3))
     for _ in range(iterations):
-        for t, corners in enumerate(particles):
-            J, w = gradient(x[corners], along[t]), np.repeat(inverse_mass[corners], 3)
-            strain = strains(x[corners], along[t])
-            C = compliance(strain, law, softness(strain, law)) / (area[t] * dt**2)
+        for t, corners in enumerate(cloth.corners):
+            J, w = gradient(x[corners], cloth.along[t]), np.repeat(inverse_mass[corners], 3)
+            strain = strains(x[corners], cloth.along[t])
+            C = compliance(strain, cloth.law, softness(strain, cloth.law))
+            C /= cloth.area[t] * dt**2
             A = J * w @ J.T
             A[np.diag_indices(3)] *= 1.001
             change = np.linalg.solve(A + C, strain - C @ multiplier[t])

@@ -19,7 +19,7 @@ import numpy as np
 from garment_sim_ros.constants import GRAVITY
 from garment_sim_ros.contact.collide import collide
 from garment_sim_ros.contact.sweep import sweep
-from garment_sim_ros.params import TRIANGLES, ImplicitSettings
+from garment_sim_ros.params import ImplicitSettings
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.holds.tether_kernels import pull_tethers
 from garment_sim_ros.sim.model import Parameters
@@ -30,6 +30,7 @@ from garment_sim_ros.sim.solvers.implicit.given import Met, Moving, PinFrames
 from garment_sim_ros.sim.solvers.implicit.ties import begin_ties
 from garment_sim_ros.sim.solvers.implicit.velocities import new_velocities
 from garment_sim_ros.sim.solvers.implicit.workspace import ImplicitWorkspace
+from garment_sim_ros.solver_params import TRIANGLES
 
 _SEARCHES = 3
 """For contacts in a sub-step, at most: another one where a solution took cloth past a shape."""

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from garment_sim_ros.jit import compiled
-from garment_sim_ros.params import TRIANGLES, XpbdSettings
+from garment_sim_ros.params import XpbdSettings
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.motion import damping_rate, outer_forces
@@ -27,6 +27,7 @@ from garment_sim_ros.sim.solvers.xpbd.given import (
     Rule,
 )
 from garment_sim_ros.sim.solvers.xpbd.workspace import XpbdWorkspace
+from garment_sim_ros.solver_params import TRIANGLES
 
 _SMALL = 0.1
 """Extent of a garment below which sub-steps are shortened like its swing [m]."""
