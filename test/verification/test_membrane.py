@@ -172,6 +172,38 @@ def test_pressed_threads_have_a_part_of_their_stiffness(cloth, solver):
     assert found == pytest.approx(-STRAIN, rel=0.05)
 
 
+@pytest.mark.parametrize("solver", SOLVED)
+def test_the_membrane_may_be_changed_between_steps(cloth, solver):
+    """Afterwards the cloth goes on as if it had been that all along, there and back again."""
+    vertices, triangles = cloth.grid(8, 9)
+    of = XpbdSettings if solver == "xpbd" else ImplicitSettings
+    first, other = (
+        Simulation(
+            (cloth.garment(vertices, triangles, pins=range(9), damping=1.0),),
+            cloth.colliders(),
+            solver=solver,
+            settings=of(membrane=kind),
+            solver_step=FRAME,
+        )
+        for kind in ("triangles", "springs")
+    )
+    asked = {s.parameters.settings.membrane: s.parameters for s in (first, other)}
+    for simulation in (first, other):
+        simulation.reset(STILL, settle=False)
+    seen = {}
+    for kind in ("springs", "triangles"):
+        for simulation in (first, other):
+            simulation.parameters = asked[kind]
+            state = simulation["cloth"].state
+            state.x[:] = simulation["cloth"].model.rest
+            state.v[:] = 0.0
+            for _ in range(5):
+                simulation.advance(STILL, STILL, FRAME)
+        seen[kind] = [s.positions("cloth").astype(float) for s in (first, other)]
+        assert np.abs(np.subtract(*seen[kind])).max() < 1e-5
+    assert np.abs(seen["springs"][0] - seen["triangles"][0]).max() > 1e-4
+
+
 @pytest.mark.parametrize("solver", ["xpbd", "implicit"])
 def test_energy_never_grows_without_load(cloth, solver):
     """A sheet that is let go stretched, crumpled a little: no gravity, air, damping or bending."""

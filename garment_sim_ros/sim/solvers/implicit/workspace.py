@@ -96,6 +96,7 @@ class ImplicitWorkspace(Workspace):
         edges: Ends of all edges, shape [m, 2].
         bent: Stiffness for each edge that bounds what hinges resist [N/m], shape [m].
         most: What is stiffer counts as so stiff [N/m].
+        folding: What each hinge resists the corner that bends it most [N/m], shape [h].
         column: Column of each particle, the last one for pins, shape [n].
         prepared_for: The sub-step [s] and rate of damping [1/s] that the matrix is for, and
             whether it is for triangles.
@@ -113,6 +114,7 @@ class ImplicitWorkspace(Workspace):
     edges: IntArray
     bent: FloatArray
     most: float
+    folding: FloatArray
     column: IndexArray
     prepared_for: tuple[float, float, bool]
 
@@ -130,14 +132,14 @@ class ImplicitWorkspace(Workspace):
         used = (bending.particles < n).any(axis=1) & (bending.stiffness > 0.0)
         bending = Hinges(bending.particles[used], bending.weight[used], bending.stiffness[used])
         steepest = (bending.weight**2).max(axis=1, initial=0.0)
-        limits = _limits(model, most, stretch, bending.stiffness * steepest)
+        folding = bending.stiffness * steepest
         soft = np.minimum(bending.stiffness, most / np.maximum(steepest, 1e-300))
         bending = bending._replace(stiffness=soft)
         bent = bending_bound(edges, bending.particles, bending.weight, bending.stiffness)
         fronts = dissect(rest[:n], edges[(edges < n).all(axis=1)])
         column = np.concatenate([fronts.place, np.full(len(model) - n, n)]).astype(np.uint32)
         made = cls(
-            **{**vars(Workspace.room_for(model, shapes)), "limits": limits},
+            **vars(Workspace.room_for(model, shapes)),
             sink=_SINK * min(1.0, extent / _SMALL),
             lift=_LIFT * min(1.0, extent / _SMALL),
             cloth=Cloth(
@@ -179,15 +181,17 @@ class ImplicitWorkspace(Workspace):
             edges=edges,
             bent=bent,
             most=most,
+            folding=folding,
             column=column,
             prepared_for=(0.0, 0.0, False),
         )
-        made._take(stretch)
+        made._take(model, stretch)
         return made
 
-    def _take(self, stretch: Stretch) -> None:
+    def _take(self, model: ClothModel, stretch: Stretch) -> None:
         """Has springs or triangles act; the matrix has to be made anew."""
         n = len(self.share)
+        self.limits = _limits(model, self.most, stretch, self.folding)
         bound = stretch.bound + self.bent
         self.cloth = self.cloth._replace(
             edge_particles=np.ascontiguousarray(stretch.edges.ravel(), np.uint32),
@@ -211,7 +215,7 @@ class ImplicitWorkspace(Workspace):
         if self.ties is not None and self.prepared_for == (dt, rate, triangles):
             return self.ties
         if triangles != self.prepared_for[2]:
-            self._take(self._stretch(model, triangles))
+            self._take(model, self._stretch(model, triangles))
         cloth, mass = self.cloth, model.mass[: model.free_count]
         cloth.inertia[:] = mass * ((1.0 + dt * rate) / dt**2)
         cloth.base[cloth.place] = cloth.inertia + self.pull
