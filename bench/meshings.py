@@ -1,7 +1,7 @@
 """One garment meshed in several ways: how far apart its drapes are, with springs and triangles.
 
     python bench/meshings.py [--fabric polyester cotton_jersey]
-        [--garment FILE.obj --body FILE.glb]
+        [--membrane triangles] [--garment FILE.obj --body FILE.glb]
 
 Sheets of 0.8 m, meshed as a grid along the threads, in rows and at random, hang by two corners
 (`corners`) or by one vertical side (`side`): distances between the same points of the cloth, of
@@ -136,6 +136,7 @@ def main() -> None:
     """Prints RMS distances, and in brackets those that 95 % of the points are within [mm]."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--fabric", nargs="+", default=["cotton_twill"], choices=PRESETS)
+    parser.add_argument("--membrane", nargs="+", default=MEMBRANES, choices=MEMBRANES)
     parser.add_argument("--garment", type=Path, help="OBJ file; needs --body")
     parser.add_argument("--body", type=Path)
     options = parser.parse_args()
@@ -144,7 +145,7 @@ def main() -> None:
     points = np.stack([c.ravel() for c in np.meshgrid(line, line)], axis=1)
     print(" " * 44 + "".join(f"{a + '-' + b:>16}" for a, b in combinations(ways, 2)))
     for fabric in options.fabric:
-        for membrane in MEMBRANES:
+        for membrane in options.membrane:
             if options.garment:
                 drapes = worn(options.garment, options.body, fabric, membrane)
                 surfaces = [MeshDistance(x, triangles) for x, triangles in drapes]

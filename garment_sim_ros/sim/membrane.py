@@ -118,3 +118,22 @@ def membrane(model: ClothModel) -> Membrane:
         along=np.linalg.inv(axes @ flat).transpose(0, 2, 1),
         area=0.5 * doubled[used],
     )
+
+
+def stored(x: FloatArray, cloth: Membrane, law: Law) -> float:
+    """Energy of a membrane whose particles are at x [m], shape [n, 3]; [J]."""
+    first = x[cloth.particles[:, 0]]
+    sides = np.stack([x[cloth.particles[:, k]] - first for k in (1, 2)], axis=1)
+    f, g = (cloth.along @ sides).transpose(1, 0, 2)
+    e, d = np.linalg.norm(f, axis=1) - 1.0, np.linalg.norm(g, axis=1) - 1.0
+    s = (np.linalg.norm(f + g, axis=1) - np.linalg.norm(f - g, axis=1)) / np.sqrt(2.0)
+    both = np.sqrt(law.warp * law.weft)
+    n = law.poisson / (1.0 + FADING * (e**2 + d**2))
+    # A thread whose stress has the sign of this sum.
+    warp = law.warp * e + n * both * np.where(d > 0.0, d, PRESSED * d)
+    weft = law.weft * d + n * both * np.where(e > 0.0, e, PRESSED * e)
+    a, b = (np.where(stress < 0.0, 1.0 / PRESSED, 1.0) for stress in (warp, weft))
+    in_threads = (b * law.warp * e**2 + a * law.weft * d**2 + 2.0 * n * both * e * d) / (
+        a * b - n**2
+    )
+    return float(0.5 * cloth.area @ (in_threads + law.shear * s**2))

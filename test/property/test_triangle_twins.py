@@ -9,7 +9,7 @@ from naive import naive_triangles
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.params import Material
-from garment_sim_ros.sim.membrane import Law, membrane
+from garment_sim_ros.sim.membrane import Law, membrane, stored
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.solvers.implicit.triangles import (
     Triangles,
@@ -95,6 +95,11 @@ def test_implicit_forces(cloth, seed, scale):
         - naive_triangles.energy(behind[p], a, area, law)
         for p, a, area in zip(cloth_.particles, cloth_.along, cloth_.area)
     ) / (2.0 * h)
+    energy = sum(
+        naive_triangles.energy(x[p].astype(np.float64), a, area, law)
+        for p, a, area in zip(cloth_.particles, cloth_.along, cloth_.area)
+    )
+    assert stored(x.astype(np.float64), cloth_, law) == pytest.approx(energy, rel=1e-9)
     size = np.abs(force).sum() * np.abs(way).mean()
     assert float((force[:, :n].T * way).sum()) == pytest.approx(-slope, abs=1e-4 * size)
 
