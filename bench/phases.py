@@ -1,10 +1,12 @@
 """Where the time of a frame goes: the default outfit on the walking mannequin, phase by phase.
 
     python bench/phases.py [--seconds 6] [--outfit tshirt_short_skirt] [--paced] [--json]
+        [--membrane springs triangles]
 
 Processor time of the thread, medians over the frames [ms]. ``--paced`` waits for the next sixtieth
 of a second before each frame, as a node does; without it frames follow each other. What a phase
-holds that is a line of its own is counted in both.
+holds that is a line of its own is counted in both. With several membranes they take turns, frame
+by frame.
 """
 
 import argparse
@@ -24,6 +26,7 @@ from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.holds.pins import Pins
 from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.solvers.xpbd import step as solver
+from garment_sim_ros.solver_params import MEMBRANES
 
 RATE, SKIPPED = 60.0, 30
 KERNELS = {
@@ -73,38 +76,54 @@ def measure() -> None:
         setattr(owner, function, timed(name, getattr(owner, function)))
 
 
+def medians(frames: list[Counter[str]]) -> dict[str, float]:
+    """Of each phase over frames [ms]."""
+    names = {name for frame in frames for name in frame}
+    return {n: 1e3 * float(np.median([f.get(n, 0.0) for f in frames])) for n in names}
+
+
 def main() -> None:
     """Walks and prints."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--seconds", type=float, default=6.0)
     parser.add_argument("--outfit", default="tshirt_short_skirt")
+    parser.add_argument("--membrane", nargs="+", default=MEMBRANES[:1], choices=MEMBRANES)
     parser.add_argument("--paced", action="store_true", help="frames at 60 Hz")
     parser.add_argument("--json", action="store_true", help="print one JSON object only")
     options = parser.parse_args()
     measure()
     avatar = gs.Avatar.load("mannequin")
-    simulation = gs.Simulation(avatar.dress(options.outfit), avatar.colliders)
+    outfit = avatar.dress(options.outfit)
+    simulations = {
+        m: gs.Simulation(outfit, avatar.colliders, membrane=m) for m in options.membrane
+    }
     poses = iter(avatar.play("walk", rate=RATE, seconds=options.seconds))
     for _ in range(SKIPPED):
-        simulation.step(next(poses), dt=1 / RATE)
-    spent.clear()
-    simulation.step = timed("frame", simulation.step)  # type: ignore[method-assign]
+        pose = next(poses)
+        for simulation in simulations.values():
+            simulation.step(pose, dt=1 / RATE)
     following = timed("pose", lambda: next(poses, None))
-    frames = []
+    frames: dict[str, list[Counter[str]]] = {m: [] for m in simulations}
     begin = time.monotonic()
-    while (pose := following()) is not None:
-        if options.paced:
-            time.sleep(max(0.0, begin + len(frames) / RATE - time.monotonic()))
-        simulation.step(pose, dt=1 / RATE)
-        frames.append(dict(spent))
+    while True:
         spent.clear()
-    names = {name for frame in frames for name in frame}
-    found = {name: 1e3 * float(np.median([f.get(name, 0.0) for f in frames])) for name in names}
+        pose = following()
+        if pose is None:
+            break
+        posing = spent.copy()
+        for membrane, simulation in simulations.items():
+            if options.paced:
+                count = sum(map(len, frames.values()))
+                time.sleep(max(0.0, begin + count / RATE - time.monotonic()))
+            spent.clear()
+            timed("frame", simulation.step)(pose, dt=1 / RATE)
+            frames[membrane].append(posing + spent)
+    found = {m: medians(of) for m, of in frames.items()}
     if options.json:
-        print(json.dumps(found))
+        print(json.dumps(found if len(found) > 1 else found[options.membrane[0]]))
         return
-    for name, ms in sorted(found.items(), key=lambda item: -item[1]):
-        print(f"{name:24} {ms:7.3f} ms")
+    for name in sorted(found[options.membrane[0]], key=lambda n: -found[options.membrane[0]][n]):
+        print(f"{name:24}" + "".join(f" {of.get(name, 0.0):7.3f} ms" for of in found.values()))
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
     python bench/uneven_meshes.py [--drape polyester silk]
 
 Multiples of the fabric's stiffness along warp, weft and both diagonals and in shear, all else
-free, in float64 (the meshes and matrices of `test/verification/test_fabric_on_meshes.py`). With
+free, in float64 (the meshes and matrices of `test/naive/naive_membrane.py`). With
 `--drape`, circles of cloth of 0.44 m, held within 0.18 m, hang for 4 s of `xpbd` with 40 sub-steps
 a frame: how much they cover of the ring that they would flat, as in Cusick's test of drape.
 """
@@ -19,8 +19,7 @@ from garment_sim_ros.geometry.topology import boundary_loops
 from garment_sim_ros.params import Material
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "test"))
-sys.path.insert(0, str(Path(__file__).parents[1] / "test" / "verification"))
-from test_fabric_on_meshes import MESHES, SPACING, cut, membrane, springs, stiffness
+from naive.naive_membrane import MESHES, SPACING, cut, membrane, springs, stiffness
 from textile_tests import hung
 
 OUTER, INNER = 0.22, 0.09

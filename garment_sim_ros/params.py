@@ -39,6 +39,7 @@ class Material:
     shear_stiffness: float = parameter(
         60.0, "In-plane shear stiffness.", unit="N/m", minimum=0.0, maximum=1e9
     )
+    poisson_ratio: float = parameter(0.2, "Poisson's ratio of threads.", minimum=0.0, maximum=0.9)
     bending_stiffness: float = parameter(
         1e-5, "Bending rigidity per width.", unit="N m", minimum=0.0, maximum=1e3
     )

@@ -4,6 +4,13 @@ import dataclasses
 
 from garment_sim_ros.declaration import needs, parameter
 
+SPRINGS, TRIANGLES = MEMBRANES = ("springs", "triangles")
+"""What may resist strain in the plane of the cloth."""
+_MEMBRANE = (
+    "What resists strain in the plane. springs: the mesh's edges; triangles: an orthotropic "
+    "membrane, which is as stiff as the fabric on any mesh, and takes longer."
+)
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RelaxationSettings:
@@ -72,6 +79,7 @@ class XpbdSettings:
         "Correct the stretch on a coarse level, too: less stretch with few sub-steps.",
         needs=(needs("iterations", 1),),
     )
+    membrane: str = parameter(SPRINGS, _MEMBRANE, choices=MEMBRANES)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -86,3 +94,4 @@ class ImplicitSettings:
         maximum=0.5,
     )
     iterations: int = parameter(8, "Descent steps in each sub-step.", minimum=1, maximum=200)
+    membrane: str = parameter(SPRINGS, _MEMBRANE, choices=MEMBRANES)

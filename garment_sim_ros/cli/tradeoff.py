@@ -17,6 +17,7 @@ from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.collider_params import HULLS, METHODS
 from garment_sim_ros.errors import GarmentSimError, InputFileError, ParameterError
 from garment_sim_ros.sim.solvers import SOLVERS
+from garment_sim_ros.solver_params import MEMBRANES, SPRINGS
 from garment_sim_ros.tradeoff.plots import draw
 from garment_sim_ros.tradeoff.points import Point, grid
 from garment_sim_ros.tradeoff.runner import measured, referenced
@@ -37,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", metavar="DIR", type=Path, help="tradeoff.csv, .json, .md, and the fronts")
     add("--solver", choices=tuple(SOLVERS), action="append", help="only this one; may be repeated")
     add("--colliders", choices=METHODS, action="append", help="hulls if none; may be repeated")
+    add("--membrane", choices=MEMBRANES, action="append", help="springs if none; may be repeated")
     add("--sub-steps", type=_count, nargs="+", default=[], help="in a frame, of every solver")
     add("--passes", type=_count, nargs="+", default=[], help="sweeps or iterations in each")
     add("--seconds", type=float, default=0.0, help="of each motion at most; 0: all")
@@ -69,7 +71,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     told = _references(args, scenes, kept)
     doubt = {name: _doubt(of) for name, of in told.items()}
     rows = [
-        row | {"doubt_mm": doubt[f"{row['scene']}, {row['colliders']}"]}
+        row | {"doubt_mm": doubt[_told_of(row["scene"], row["colliders"], row["membrane"])]}
         for row in _rows(args, scenes, kept)
     ]
     best = on_fronts(rows, _COST, _ERROR)
@@ -125,29 +127,43 @@ def _kinds(args: argparse.Namespace, scene: str) -> list[str]:
     return (args.colliders or [HULLS]) if SCENES[scene].body else [PLAIN]
 
 
-def _file(args: argparse.Namespace, scene: str, kind: str) -> Path:
-    name = f"reference_{scene}_{kind}" + (f"_{args.seconds:g}s" if args.seconds else "")
-    return Path(args.out) / f"{name}.npz"
+def _membranes(args: argparse.Namespace) -> list[str]:
+    return args.membrane or [SPRINGS]
+
+
+def _told_of(scene: str, kind: str, membrane: str) -> str:
+    """What a reference is called."""
+    return f"{scene}, {kind}" + (f", {membrane}" if membrane != SPRINGS else "")
+
+
+def _file(args: argparse.Namespace, scene: str, kind: str, membrane: str) -> Path:
+    name = "_".join(("reference", *_told_of(scene, kind, membrane).split(", ")))
+    return Path(args.out) / (name + (f"_{args.seconds:g}s" if args.seconds else "") + ".npz")
 
 
 def _references(
     args: argparse.Namespace, scenes: Sequence[str], kept: Kept
 ) -> dict[str, dict[str, Any]]:
     """Make the references that are missing; what is to be told of all."""
-    pairs = [(scene, kind) for scene in scenes for kind in _kinds(args, scene)]
+    wanted = [
+        (scene, kind, membrane)
+        for scene in scenes
+        for kind in _kinds(args, scene)
+        for membrane in _membranes(args)
+    ]
     tasks: dict[str, Task] = {}
-    for scene, kind in pairs:
-        file = _file(args, scene, kind)
-        tasks[f"{VERSION} {file.name}"] = referenced, (scene, kind, args.seconds, file)
+    for each in wanted:
+        file = _file(args, *each)
+        tasks[f"{VERSION} {file.name}"] = referenced, (*each, args.seconds, file)
     # Its file, too, must be there.
     tasks = {k: t for k, t in tasks.items() if kept.get(k) is None or not t[1][-1].exists()}
     for key, row in _done(tasks, args.jobs, "references"):
         kept.put(key, row)
     found = {}
-    for scene, kind in pairs:
-        told = kept.get(f"{VERSION} {_file(args, scene, kind).name}")
+    for each in wanted:
+        told = kept.get(f"{VERSION} {_file(args, *each).name}")
         assert told is not None
-        found[f"{scene}, {kind}"] = told
+        found[_told_of(*each)] = told
     return found
 
 
@@ -156,8 +172,9 @@ def _rows(args: argparse.Namespace, scenes: Sequence[str], kept: Kept) -> list[R
     tasks: dict[str, Task] = {}
     for scene in scenes:
         solvers = args.solver or list(SOLVERS)
-        for point in grid(_kinds(args, scene), solvers, args.sub_steps, args.passes):
-            file = _file(args, scene, point.kind)
+        kinds, membranes = _kinds(args, scene), _membranes(args)
+        for point in grid(kinds, solvers, args.sub_steps, args.passes, membranes):
+            file = _file(args, scene, point.kind, point.membrane)
             asked = (scene, point, args.seconds, args.repeats, file)
             tasks[_key(scene, point, args)] = measured, asked
     missing = {key: task for key, task in tasks.items() if kept.get(key) is None}

@@ -1,6 +1,6 @@
-"""Colouring of springs: no two springs of one colour share a particle.
+"""Colouring of constraints: no two of one colour share a particle.
 
-Springs of one colour can be corrected in any order, or at once, with the same result.
+Those of one colour can be corrected in any order, or at once, with the same result.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ def _colour_greedily(pairs, start, incident, palette, colour, population):
     taken = np.full(population.size, -1, dtype=np.int32)
     colour[:] = -1
     for e in range(pairs.shape[0]):
-        for end in range(2):
+        for end in range(pairs.shape[1]):
             particle = pairs[e, end]
             for s in range(start[particle], start[particle + 1]):
                 c = colour[incident[s]]
@@ -34,19 +34,20 @@ def _colour_greedily(pairs, start, incident, palette, colour, population):
     return colours
 
 
-def colour_springs(pairs: IntArray) -> IntArray:
-    """Greedy colouring, each spring taking the least used colour that is free at both its ends.
+def colour_springs(springs: IntArray) -> IntArray:
+    """Greedy colouring, each spring taking the least used colour that is free at all its ends.
 
     The result depends only on the input order. It needs at least as many colours as the busiest
-    particle has springs and at most twice that, less one.
+    particle has springs and less than k times that.
 
     Args:
-        pairs: Particles of each spring, two different ones, shape [m, 2].
+        springs: Particles of each spring, or of what else acts between k different ones,
+            shape [m, k].
 
     Returns:
         Colour of each spring, 0 to the number of colours - 1, shape [m].
     """
-    pairs = np.ascontiguousarray(pairs, dtype=np.int32).reshape(-1, 2)
+    pairs = np.ascontiguousarray(springs, dtype=np.int32)
     colour = np.zeros(len(pairs), np.int32)
     if not len(pairs):
         return colour
@@ -54,7 +55,7 @@ def colour_springs(pairs: IntArray) -> IntArray:
     degree = np.bincount(ends)
     start = np.concatenate([[0], np.cumsum(degree)]).astype(np.int32)
     incident = (np.argsort(ends, kind="stable") % len(pairs)).astype(np.int32)
-    population = np.zeros(2 * degree.max(), np.int32)
+    population = np.zeros(pairs.shape[1] * degree.max(), np.int32)
     _colour_greedily(pairs, start, incident, int(degree.max()), colour, population)
     return colour
 

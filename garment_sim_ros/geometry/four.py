@@ -71,6 +71,11 @@ def squares(a: SingleArray, b: SingleArray, c: SingleArray, d: SingleArray) -> S
     return np.array([np.dot(v[:3], v[:3]) for v in (a, b, c, d)], np.float32)
 
 
+def products(a: tuple[SingleArray, ...], b: tuple[SingleArray, ...]) -> SingleArray:
+    """Scalar products of four vectors with four others; the last number of each does not count."""
+    return np.array([np.dot(v[:3], w[:3]) for v, w in zip(a, b)], np.float32)
+
+
 def each_four_times(a: SingleArray) -> tuple[SingleArray, ...]:
     """Four fours, each with one of the numbers four times."""
     return tuple(same_four(number) for number in a)
@@ -158,6 +163,7 @@ _typed(put_four, types.none)
 _typed(put_three, types.none)
 _typed(same_four, _four)
 _typed(squares, _four)
+_typed(products, _four)
 _typed(each_four_times, types.UniTuple(_four, 4))
 _typed(each_number, types.UniTuple(types.float32, 4))
 _typed(lower_four, _four)
@@ -213,13 +219,24 @@ def _same_four(context, builder, sig, args):
 
 @lower_builtin(squares, _FourType, _FourType, _FourType, _FourType)
 def _squares(context, builder, sig, args):
-    a, b, c, d = args
+    x, y, z = _by_axis(builder, *args)
+    total = builder.fadd(builder.fmul(x, x), builder.fmul(y, y))
+    return builder.fadd(total, builder.fmul(z, z))
+
+
+@lower_builtin(products, types.UniTuple, types.UniTuple)
+def _products(context, builder, sig, args):
+    a, b = ([builder.extract_value(vectors, k) for k in range(4)] for vectors in args)
+    x, y, z = _by_axis(builder, *map(builder.fmul, a, b))
+    return builder.fadd(builder.fadd(x, y), z)
+
+
+def _by_axis(builder: Any, a: Any, b: Any, c: Any, d: Any) -> tuple[Any, Any, Any]:
+    """First numbers of four fours, second and third ones."""
     ab, cd = _pick(builder, a, b, 0, 4, 1, 5), _pick(builder, c, d, 0, 4, 1, 5)
     x, y = _pick(builder, ab, cd, 0, 1, 4, 5), _pick(builder, ab, cd, 2, 3, 6, 7)
     ab, cd = _pick(builder, a, b, 2, 6, 2, 6), _pick(builder, c, d, 2, 6, 2, 6)
-    z = _pick(builder, ab, cd, 0, 1, 4, 5)
-    total = builder.fadd(builder.fmul(x, x), builder.fmul(y, y))
-    return builder.fadd(total, builder.fmul(z, z))
+    return x, y, _pick(builder, ab, cd, 0, 1, 4, 5)
 
 
 @lower_builtin(each_four_times, _FourType)

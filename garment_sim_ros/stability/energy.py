@@ -5,9 +5,11 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.sim.elasticity import edge_stiffness
+from garment_sim_ros.sim.membrane import Law, membrane, stored
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.rest_shape import edge_lengths
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.solver_params import SPRINGS, TRIANGLES
 
 
 class Energy:
@@ -17,6 +19,8 @@ class Energy:
         self._simulation = simulation
         self._gravity = np.array(gravity)
         self._springs = {n: _stretch(simulation.model(n)) for n in simulation.names}
+        settings = simulation.parameters.settings
+        self._has_triangles = getattr(settings, "membrane", SPRINGS) == TRIANGLES
 
     def outer(self) -> float:
         """Kinetic energy and that in the field of gravity [J]."""
@@ -40,8 +44,13 @@ class Energy:
         return total
 
     def stored(self) -> float:
-        """What stretched edges hold by the material's stiffness [J]."""
+        """What stretched cloth holds by the material's stiffness [J]."""
         total = 0.0
+        if self._has_triangles:
+            for name in self._simulation.names:
+                model, x = self._simulation.model(name), self._simulation.state(name).x
+                total += stored(x.astype(np.float64), membrane(model), Law.of(model.material))
+            return total
         for name, (edges, rest, stiffness) in self._springs.items():
             x = self._simulation.state(name).x.astype(np.float64)
             excess = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) - rest

@@ -13,6 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from garment_sim_ros.arrays import SingleArray
+from garment_sim_ros.solver_params import SPRINGS
 from garment_sim_ros.tradeoff.metrics import distance_mm, pierced, rest_speed_mm_s
 from garment_sim_ros.tradeoff.playing import Player, Snapshot
 from garment_sim_ros.tradeoff.points import Point
@@ -132,34 +133,37 @@ def segments(staged: Staged) -> list[tuple[int, int]]:
     return [(first, min(first + length, staged.frames)) for first in starts]
 
 
-def reference(staged: Staged, most: int = MOST, change: float = CHANGE) -> Reference:
+def reference(
+    staged: Staged, most: int = MOST, change: float = CHANGE, membrane: str = SPRINGS
+) -> Reference:
     """The reference of a scene: `xpbd` with so many sub-steps that more change little.
 
     Args:
         staged: The scene.
         most: Most sub-steps in 1/60 s.
         change: It is converged where a doubling changes it by less [mm].
+        membrane: What resists strain in the plane.
     """
     per = staged.scene.frame * 60.0
-    player = _player(staged, round(_DEFAULT * per))
+    player = _player(staged, round(_DEFAULT * per), membrane)
     player.put_on(settle=True)
     at = player.snapshot(0)
     starts, parts, counts, changes, chaos = [], [], [], [], []
     for first, last in segments(staged):
         starts.append(at)
         path, count, moved, at = _converged(
-            lambda n: _player(staged, n),
+            lambda n: _player(staged, n, membrane),
             at,
             (first, last),
             (round(_FIRST * per), most * per),
             change,
         )
-        chaos.append(_chaos(_player(staged, count), starts[-1], (first, last), path))
+        chaos.append(_chaos(_player(staged, count, membrane), starts[-1], (first, last), path))
         parts.append({name: x[:-1] if last < staged.frames else x for name, x in path.items()})
         counts.append(count)
         changes.append(moved)
     paths = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    rest, rest_moved, speed = _rest(staged, at, counts[-1])
+    rest, rest_moved, speed = _rest(staged, at, counts[-1], membrane)
     return Reference(
         starts=tuple(starts),
         paths=paths,
@@ -173,8 +177,8 @@ def reference(staged: Staged, most: int = MOST, change: float = CHANGE) -> Refer
     )
 
 
-def _player(staged: Staged, sub_steps: int) -> Player:
-    point = Point(kind="", solver="xpbd", sub_steps=sub_steps, passes=1)
+def _player(staged: Staged, sub_steps: int, membrane: str) -> Player:
+    point = Point(kind="", solver="xpbd", sub_steps=sub_steps, passes=1, membrane=membrane)
     return Player(staged, point.arguments(staged.scene.frame))
 
 
@@ -221,15 +225,15 @@ def _chaos(
 
 
 def _rest(
-    staged: Staged, at: Snapshot, sub_steps: int
+    staged: Staged, at: Snapshot, sub_steps: int, membrane: str
 ) -> tuple[dict[str, SingleArray], float, float]:
     """The shape at rest [m], how far it still moved [mm], and its speed [mm/s]."""
     dt, end = staged.scene.frame, staged.frames
-    rough = _player(staged, round(_DEFAULT * dt * 60.0))
+    rough = _player(staged, round(_DEFAULT * dt * 60.0), membrane)
     rough.put_on(settle=False)
     rough.begin(at)
     rough.play(end, end + staged.still_frames)
-    fine, now = _player(staged, sub_steps), rough.snapshot(end)
+    fine, now = _player(staged, sub_steps, membrane), rough.snapshot(end)
     fine.put_on(settle=False)
     for _ in range(_ROUNDS):
         for v in now.v.values():

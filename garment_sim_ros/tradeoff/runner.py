@@ -27,11 +27,11 @@ _STATIC = 2.0
 """How long what the reference rests as is left alone [s]."""
 
 
-def referenced(scene: str, kind: str, seconds: float, file: Path) -> Row:
+def referenced(scene: str, kind: str, membrane: str, seconds: float, file: Path) -> Row:
     """Find or make the reference of a scene; what is reported of it."""
     found = Reference.load(file)
     if found is None:
-        found = reference(staged_scene(scene, kind, seconds))
+        found = reference(staged_scene(scene, kind, seconds), membrane=membrane)
         found.save(file)
     return found.told()
 
@@ -44,6 +44,7 @@ def measured(scene: str, point: Point, seconds: float, repeats: int, file: Path)
         "solver": point.solver,
         "sub_steps": point.sub_steps,
         "passes": point.passes,
+        "membrane": point.membrane,
         "setting": point.name,
     }
     against = Reference.load(file)

@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.arrays import FloatArray, IntArray
+from naive import naive_triangles
 from naive.naive_contact import leave_sphere
 from naive.naive_implicit import (
     contact_force,
@@ -61,7 +62,8 @@ class SubSteps:
     Attributes:
         piece: Garment, sphere and outer forces; contact is `lift` [m] above its `gap`.
         elastic: Edges and hinges.
-        bound: Stiffness of each edge in the matrix [N/m], shape [m].
+        edges: Ends of the matrix's springs, shape [m, 2].
+        bound: Their stiffness [N/m], shape [m].
         ties: Soft attachments.
         contact_stiffness: Stiffness of a contact of each particle [N/m], shape [free].
         lift: How far above a surface contacts are found [m].
@@ -72,6 +74,7 @@ class SubSteps:
 
     piece: Piece
     elastic: Elastic
+    edges: IntArray
     bound: FloatArray
     ties: list[Tie]
     contact_stiffness: FloatArray
@@ -108,6 +111,8 @@ class SubSteps:
         """Less the gradient of the energy [N], shape [free, 3]."""
         piece, e = self.piece, self.elastic
         force = edge_forces(piece.x, e.edges, e.rest_length, e.stiffness, False)
+        if e.triangles is not None:
+            force += naive_triangles.forces(piece.x, e.triangles)
         force += hinge_forces(piece.x, e.hinges, e.weight, e.hinge_stiffness)
         force = force[: piece.free] + inertia[:, None] * behind
         for p, c in contacts.items():
@@ -164,7 +169,7 @@ class SubSteps:
         """Steps towards the least energy."""
         piece, f = self.piece, self.piece.free
         inertia = (1.0 + dt * piece.damping) / dt**2 / piece.inverse_mass[:f]
-        matrix = laplacian(self.elastic.edges, self.bound, len(piece.x))[:f, :f]
+        matrix = laplacian(self.edges, self.bound, len(piece.x))[:f, :f]
         matrix += np.diag(inertia)
         for p, c in contacts.items():
             matrix[p, p] += c.contact_stiffness

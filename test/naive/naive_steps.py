@@ -10,7 +10,7 @@ import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.shapes import Collider
-from naive import naive, naive_xpbd
+from naive import naive, naive_triangles, naive_xpbd
 from naive.naive_attached import pull_tethers
 from naive.naive_contact import (
     leave_sphere,
@@ -18,6 +18,7 @@ from naive.naive_contact import (
     stop_at_contact,
     touch_plane,
 )
+from naive.naive_triangles import Triangles
 
 
 @dataclass
@@ -112,6 +113,7 @@ class Elastic:
         hinges: Particles, shape [h, 4].
         weight: Of their curvature, shape [h, 4].
         hinge_stiffness: Shape [h] [N/m].
+        triangles: What acts beside the edges.
     """
 
     edges: IntArray
@@ -120,6 +122,7 @@ class Elastic:
     hinges: IntArray
     weight: FloatArray
     hinge_stiffness: FloatArray
+    triangles: Triangles | None = None
 
 
 def bending(
@@ -161,8 +164,13 @@ def xpbd_step(
         piece.fall(keep, push, dt)
         shift = piece.way((s + 1) / count) - piece.way(s / count)
         piece.move_pins(shift, dt)
+        solved = x
+        if elastic.triangles is not None:
+            solved = naive_triangles.solve_triangles(
+                *(x, elastic.triangles, keep * piece.inverse_mass, dt, iterations)
+            )
         solved = naive_xpbd.solve_edges(
-            *(x, elastic.edges, elastic.rest_length, elastic.stiffness),
+            *(solved, elastic.edges, elastic.rest_length, elastic.stiffness),
             *(keep * piece.inverse_mass, dt, iterations, False),
         )
         v[:f] += (solved - x)[:f] / dt

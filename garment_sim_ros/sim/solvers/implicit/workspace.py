@@ -5,20 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_matrix
 
-from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
+from garment_sim_ros.arrays import FloatArray, IndexArray, IntArray, SingleArray
 from garment_sim_ros.constants import GRAVITY
-from garment_sim_ros.sim.elastic import with_bands
-from garment_sim_ros.sim.elasticity import (
-    Hinges,
-    edge_stiffness,
-    hinges,
-    no_stiffer,
-    stiffness_by_weight,
-)
+from garment_sim_ros.sim.elasticity import Hinges, hinges, stiffness_by_weight
 from garment_sim_ros.sim.model import ClothModel
-from garment_sim_ros.sim.rest_shape import edge_lengths
 from garment_sim_ros.sim.solvers.implicit.dissection import dissect
 from garment_sim_ros.sim.solvers.implicit.given import Cloth, Hold, Past, Ties
+from garment_sim_ros.sim.solvers.implicit.stretch import Stretch
 from garment_sim_ros.sim.state import Workspace
 
 _WEIGHTS = 20.0
@@ -61,7 +54,7 @@ def bending_bound(
 
 
 def _limits(
-    model: ClothModel, most: float, edges: FloatArray, hinges: FloatArray
+    model: ClothModel, most: float, stretch: Stretch, hinges: FloatArray
 ) -> tuple[str, ...]:
     """What is stiffer than `most` [N/m] and therefore counts as that, in words.
 
@@ -71,13 +64,13 @@ def _limits(
     Args:
         model: The garment.
         most: See above.
-        edges: Stiffnesses of edges, those of the material already limited, shape [m].
+        stretch: Edges or triangles, of the material already limited.
         hinges: Of the corners of hinges that resist most, shape [h].
     """
     names = ("stretch_stiffness_warp", "stretch_stiffness_weft", "shear_stiffness")
     values = {name: getattr(model.material, name) for name in names}
     limits = [f"{n} counts as {most:.3g} N/m, not {v:g}" for n, v in values.items() if v > most]
-    for what, found in (("edges", edges), ("hinges", hinges)):
+    for what, found in ((stretch.of, stretch.stiffest), ("hinges", hinges)):
         if (count := int((found > most).sum())) > 0:
             limits.append(
                 f"{count} of {len(found)} {what}, in triangles narrow or small, are as stiff as "
@@ -100,7 +93,13 @@ class ImplicitWorkspace(Workspace):
         share: See `predict_with_share`, shape [free].
         coast: Where particles would be without inner forces [m], shape [n, 3].
         pull: Sum of the matrix's stiffnesses at each free particle [N/m], shape [free].
-        prepared_for: The sub-step [s] and rate of damping [1/s] that the matrix is for.
+        edges: Ends of all edges, shape [m, 2].
+        bent: Stiffness for each edge that bounds what hinges resist [N/m], shape [m].
+        most: What is stiffer counts as so stiff [N/m].
+        folding: What each hinge resists the corner that bends it most [N/m], shape [h].
+        column: Column of each particle, the last one for pins, shape [n].
+        prepared_for: The sub-step [s] and rate of damping [1/s] that the matrix is for, and
+            whether it is for triangles.
     """
 
     sink: float
@@ -112,7 +111,12 @@ class ImplicitWorkspace(Workspace):
     share: SingleArray
     coast: SingleArray
     pull: FloatArray
-    prepared_for: tuple[float, float]
+    edges: IntArray
+    bent: FloatArray
+    most: float
+    folding: FloatArray
+    column: IndexArray
+    prepared_for: tuple[float, float, bool]
 
     @classmethod
     def room_for(cls, model: ClothModel, shapes: int) -> "ImplicitWorkspace":
@@ -123,39 +127,27 @@ class ImplicitWorkspace(Workspace):
         most = stiffness_by_weight(model.material, extent, _HARDLY)
         edges = model.springs.particles.reshape(-1, 2)[model.springs.bending :].astype(np.int32)
         edges = edges[np.argsort(edges.min(axis=1), kind="stable")]
-        stiffness, length = with_bands(
-            model.bands,
-            edges,
-            edge_stiffness(
-                rest, triangles, edges, no_stiffer(model.material, most), model.corners
-            ),
-            edge_lengths(model.corners, triangles, edges),
-        )
+        stretch = Stretch.of_springs(model, edges, most)
         bending = hinges(rest, triangles, model.material, model.corners)
         used = (bending.particles < n).any(axis=1) & (bending.stiffness > 0.0)
         bending = Hinges(bending.particles[used], bending.weight[used], bending.stiffness[used])
         steepest = (bending.weight**2).max(axis=1, initial=0.0)
-        limits = _limits(model, most, stiffness, bending.stiffness * steepest)
-        stiffness = np.minimum(stiffness, most)
+        folding = bending.stiffness * steepest
         soft = np.minimum(bending.stiffness, most / np.maximum(steepest, 1e-300))
         bending = bending._replace(stiffness=soft)
-        bound = stiffness + bending_bound(
-            edges, bending.particles, bending.weight, bending.stiffness
-        )
-        inner = (edges < n).all(axis=1)
-        fronts = dissect(rest[:n], edges[inner])
+        bent = bending_bound(edges, bending.particles, bending.weight, bending.stiffness)
+        fronts = dissect(rest[:n], edges[(edges < n).all(axis=1)])
         column = np.concatenate([fronts.place, np.full(len(model) - n, n)]).astype(np.uint32)
-        pull = np.zeros(len(model))
-        np.add.at(pull, edges.ravel(), np.repeat(bound, 2))
-        return cls(
-            **{**vars(Workspace.room_for(model, shapes)), "limits": limits},
+        made = cls(
+            **vars(Workspace.room_for(model, shapes)),
             sink=_SINK * min(1.0, extent / _SMALL),
             lift=_LIFT * min(1.0, extent / _SMALL),
             cloth=Cloth(
-                edge_particles=np.ascontiguousarray(edges.ravel(), np.uint32),
-                edge_place=column[edges].ravel(),
-                rest_squared=(length**2).astype(np.float32),
-                edge_stiffness=stiffness.astype(np.float32),
+                edge_particles=np.zeros(0, np.uint32),
+                edge_place=np.zeros(0, np.uint32),
+                rest_squared=np.zeros(0, np.float32),
+                edge_stiffness=np.zeros(0, np.float32),
+                triangles=stretch.triangles,
                 hinge_particles=np.ascontiguousarray(bending.particles),
                 hinge_place=column[bending.particles],
                 hinge_weight=bending.weight.astype(np.float32),
@@ -163,7 +155,7 @@ class ImplicitWorkspace(Workspace):
                 inertia=np.zeros(n, np.float32),
                 place=fronts.place,
                 fronts=fronts,
-                stiffness=bound[inner],
+                stiffness=np.zeros(0),
                 base=np.zeros(n),
                 diagonal=np.zeros(n),
                 changed=np.ones(len(fronts.parent), np.bool_),
@@ -185,20 +177,51 @@ class ImplicitWorkspace(Workspace):
             ties=None,
             share=np.ones(n, np.float32),
             coast=np.zeros((len(model), 3), np.float32),
-            pull=pull[:n],
-            prepared_for=(0.0, 0.0),
+            pull=np.zeros(n),
+            edges=edges,
+            bent=bent,
+            most=most,
+            folding=folding,
+            column=column,
+            prepared_for=(0.0, 0.0, False),
         )
+        made._take(model, stretch)
+        return made
 
-    def prepare(self, model: ClothModel, dt: float, rate: float) -> Ties:
-        """The matrix for sub-steps of dt [s] and a rate of damping [1/s], unless it is."""
-        if self.ties is not None and self.prepared_for == (dt, rate):
+    def _take(self, model: ClothModel, stretch: Stretch) -> None:
+        """Has springs or triangles act; the matrix has to be made anew."""
+        n = len(self.share)
+        self.limits = _limits(model, self.most, stretch, self.folding)
+        bound = stretch.bound + self.bent
+        self.cloth = self.cloth._replace(
+            edge_particles=np.ascontiguousarray(stretch.edges.ravel(), np.uint32),
+            edge_place=self.column[stretch.edges].ravel(),
+            rest_squared=(stretch.length**2).astype(np.float32),
+            edge_stiffness=stretch.stiffness.astype(np.float32),
+            triangles=stretch.triangles,
+            stiffness=bound[(self.edges < n).all(axis=1)],
+        )
+        pull = np.zeros(len(self.column))
+        np.add.at(pull, self.edges.ravel(), np.repeat(bound, 2))
+        self.pull[:] = pull[:n]
+
+    def prepare(
+        self, model: ClothModel, dt: float, rate: float, *, triangles: bool = False
+    ) -> Ties:
+        """The matrix for sub-steps of dt [s], a rate of damping [1/s], springs or triangles.
+
+        Unless it is.
+        """
+        if self.ties is not None and self.prepared_for == (dt, rate, triangles):
             return self.ties
+        if triangles != self.prepared_for[2]:
+            self._take(model, self._stretch(model, triangles))
         cloth, mass = self.cloth, model.mass[: model.free_count]
         cloth.inertia[:] = mass * ((1.0 + dt * rate) / dt**2)
         cloth.base[cloth.place] = cloth.inertia + self.pull
         cloth.contact_stiffness[:] = mass * (GRAVITY * _WEIGHTS / self.sink)
         cloth.changed[:] = True
-        self.prepared_for = (dt, rate)
+        self.prepared_for = (dt, rate, triangles)
         self.ties = ties = Ties.of(self.attached)
         column = cloth.place[ties.particle]
         spring, damper = (self.attached.rate * model.mass[ties.particle, None]).T
@@ -210,3 +233,8 @@ class ImplicitWorkspace(Workspace):
             cloth.base, column, np.where(ties.firm, _FIRM**2 * cloth.base[column], ties.pull)
         )
         return ties
+
+    def _stretch(self, model: ClothModel, triangles: bool) -> Stretch:
+        if triangles:
+            return Stretch.of_triangles(model, self.edges, self.most, self.column)
+        return Stretch.of_springs(model, self.edges, self.most)

@@ -38,7 +38,7 @@ def inward_levels(triangles: IntArray, free_count: int) -> IntArray:
 
 
 def inward_order(edges: IntArray, triangles: IntArray, free_count: int) -> IntArray:
-    """Order in which edges are solved.
+    """Order in which edges, or triangles, are solved.
 
     Ring by ring towards the pins or, without pins, away from the boundary. Each edge then meets
     the correction of all that hangs on it: a pass leaves less stretch than in an order without
@@ -46,7 +46,7 @@ def inward_order(edges: IntArray, triangles: IntArray, free_count: int) -> IntAr
     that the processor need not wait for one to finish.
 
     Args:
-        edges: Particles of the edges, shape [m, 2].
+        edges: Particles of what is solved, shape [m, 2] or [m, 3].
         triangles: Particles of the triangles, shape [t, 3].
         free_count: Number of free particles, the first ones; the others are pinned.
 

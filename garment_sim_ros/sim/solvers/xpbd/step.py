@@ -27,6 +27,7 @@ from garment_sim_ros.sim.solvers.xpbd.given import (
     Rule,
 )
 from garment_sim_ros.sim.solvers.xpbd.workspace import XpbdWorkspace
+from garment_sim_ros.solver_params import TRIANGLES
 
 _SMALL = 0.1
 """Extent of a garment below which sub-steps are shortened like its swing [m]."""
@@ -102,7 +103,10 @@ def _given(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Given:
     assert isinstance(settings, XpbdSettings)
     rate = damping_rate(piece.model.material)
     coarse = settings.coarse and settings.iterations == 1
-    workspace.prepare(piece.model, step.dt, rate, step.search_every, coarse, step.sub_steps)
+    workspace.prepare(
+        *(piece.model, step.dt, rate, step.search_every, coarse, step.sub_steps),
+        settings.membrane == TRIANGLES,
+    )
     own, elastic, planes = _own(piece, workspace)
     frames, bodies = _around(workspace, step.colliders)
     rule = _rule(piece, workspace, step)

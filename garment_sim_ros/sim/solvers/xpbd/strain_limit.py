@@ -50,40 +50,40 @@ def _span(x, particles, n):
 
 
 @lean_kernel(inner=True)
-def _draw_together(own, ready, planes, kept, e, most, grown):
+def _draw_together(own, edges, planes, kept, e, most, grown):
     """Draws the ends of edge e together if it is longer than `most`, squared, and has grown.
 
     Returns:
         Whether it was.
     """
-    particles, edges = ready.edge_particles, ready.edges
+    particles, numbers = edges.particles, edges.numbers
     i, j = np.int64(particles[2 * e]), np.int64(particles[2 * e + 1])
     d = less(row(own.x, i), row(own.x, j))
     squared = dot(d, d)
-    if not squared > most * edges[0, e]:
+    if not squared > most * numbers[0, e]:
         return False
     if _stays(kept, i) or _stays(kept, j):
         return False
-    both = edges[1, e] + edges[2, e]
+    both = numbers[1, e] + numbers[2, e]
     before = less(row(own.x_search, i), row(own.x_search, j))
-    longest = max(most * edges[0, e], grown * grown * dot(before, before))
+    longest = max(most * numbers[0, e], grown * grown * dot(before, before))
     if not (both > np.float32(0.0) and squared > longest):
         return False
     share = (np.float32(1.0) - np.sqrt(longest / squared)) / both
-    a, b = -share * edges[1, e], share * edges[2, e]
+    a, b = -share * numbers[1, e], share * numbers[2, e]
     _draw(own, planes, i, (a * d[0], a * d[1], a * d[2]))
     _draw(own, planes, j, (b * d[0], b * d[1], b * d[2]))
     return True
 
 
 @kernel(forceinline=True)
-def limit_strain(own, ready, planes, kept, limit, time):
+def limit_strain(own, edges, planes, kept, limit, time):
     """Draws the ends of edges together that are too long and have grown.
 
     Args:
         own: `Particles`; `x` and `x_predicted`, from which contact has moved them to `x`, are
             changed alike: velocities stay.
-        ready: `Prepared`.
+        edges: `Edges`.
         planes: `Planes`; of them shapes and normals that the search found.
         kept: What the guard keeps, see `Guard`: not moved, shape [n].
         limit: Strain that edges do not grow beyond.
@@ -91,18 +91,18 @@ def limit_strain(own, ready, planes, kept, limit, time):
     """
     most = (np.float32(1.0) + limit) * (np.float32(1.0) + limit)
     grown = np.float32(1.0) + np.float32(_CREEP) * time
-    x, particles, rest = own.x.reshape(-1), ready.edge_particles, ready.edges[0]
+    x, particles, rest = own.x.reshape(-1), edges.particles, edges.numbers[0]
     for _ in range(_PASSES):
         found = False
         for e in range(0, rest.size, 4):
-            if e < ready.fours:
+            if e < edges.fours:
                 a, b = _span(x, particles, e), _span(x, particles, e + 1)
                 c, d = _span(x, particles, e + 2), _span(x, particles, e + 3)
                 longest = same_four(most) * four_at(rest, np.uint64(e))
                 if not any_above(squares(a, b, c, d), longest):
                     continue
             for k in range(e, min(e + 4, rest.size)):
-                drawn = _draw_together(own, ready, planes, kept, k, most, grown)
+                drawn = _draw_together(own, edges, planes, kept, k, most, grown)
                 found = found or drawn
         if not found:
             break

@@ -26,6 +26,7 @@ from garment_sim_ros.sim.solvers.xpbd.planes import (
     touch_planes,
 )
 from garment_sim_ros.sim.solvers.xpbd.strain_limit import limit_strain
+from garment_sim_ros.sim.solvers.xpbd.triangles import solve_triangles, solve_triangles_apart
 
 _FAST, _KNOWN = range(2)
 """Places in the `flags` of a step."""
@@ -104,7 +105,7 @@ def _predict(own, rule, moved):
 
 @kernel(inner=True)
 def _stretch(own, ready, rule, moved):
-    """Passes over the edges, and what they do to velocities.
+    """Passes over triangles and springs, and what they do to velocities.
 
     In a hurry, one pass on positions; else on ways, which are added to positions with what
     rounding left out before.
@@ -112,15 +113,27 @@ def _stretch(own, ready, rule, moved):
     loose, dt = 3 * rule.free, rule.dt
     x, v = own.x.reshape(-1), own.v.reshape(-1)[:loose]
     rate = np.float32(1.0) / dt
+    triangles, springs = ready.triangles, ready.springs
     if own.flags[_FAST]:
         widen(x, own.wide_x)
-        solve_edges(own.wide_x, ready.edge_particles, ready.edges, ready.fours)
+        solve_triangles(own.wide_x, triangles.particles, triangles.numbers, triangles.law)
+        solve_edges(own.wide_x, springs.particles, springs.numbers, springs.fours)
         gain(own.wide_x, x[:loose], v, moved[:loose], rate)
         return
-    ready.pull[:] = np.float32(0.0)
+    springs.pull[:] = np.float32(0.0)
+    triangles.stress[:] = np.float32(0.0)
     alone = rule.iterations == 1
     for _ in range(rule.iterations):
-        solve_edges_apart(x, moved, ready.edge_particles, ready.edges, ready.pull, alone)
+        solve_triangles_apart(
+            x,
+            moved,
+            triangles.particles,
+            triangles.numbers,
+            triangles.law,
+            triangles.stress,
+            alone,
+        )
+        solve_edges_apart(x, moved, springs.particles, springs.numbers, springs.pull, alone)
     arrive(x[:loose], v, moved[:loose], own.low, dt, rate)
 
 
@@ -235,7 +248,7 @@ def meet(own, bodies, ready, planes, rule, has_planes):
     )
     if rule.strain_limit > 0.0:
         time = dt * np.float32(rule.search_every) if has_planes else dt
-        limit_strain(own, ready, planes, bodies.guard.kept, rule.strain_limit, time)
+        limit_strain(own, ready.edges, planes, bodies.guard.kept, rule.strain_limit, time)
     return count
 
 

@@ -7,21 +7,25 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
-from garment_sim_ros.sim.elastic import with_bands
-from garment_sim_ros.sim.elasticity import edge_stiffness, hinges
+from garment_sim_ros.sim.elasticity import hinges
 from garment_sim_ros.sim.model import ClothModel
-from garment_sim_ros.sim.rest_shape import edge_lengths
 from garment_sim_ros.sim.solvers.xpbd.coarse import (
     CoarseLevel,
     Threads,
     coarse_level,
     prepare_cells,
 )
-from garment_sim_ros.sim.solvers.xpbd.edges import prepare_edges
 from garment_sim_ros.sim.solvers.xpbd.given import Given
 from garment_sim_ros.sim.solvers.xpbd.hinges import prepare_hinges
-from garment_sim_ros.sim.solvers.xpbd.order import in_fours, inward_order
-from garment_sim_ros.sim.solvers.xpbd.prepared import Prepared
+from garment_sim_ros.sim.solvers.xpbd.order import in_fours
+from garment_sim_ros.sim.solvers.xpbd.prepared import Prepared, Triangles
+from garment_sim_ros.sim.solvers.xpbd.stretch import (
+    Shapes,
+    Springs,
+    bands_of,
+    springs_of,
+    triangles_of,
+)
 from garment_sim_ros.sim.state import Workspace
 
 _SWING = 0.45
@@ -36,8 +40,9 @@ class XpbdWorkspace(Workspace):
     """Scratch arrays, and what the material makes of the mesh.
 
     Attributes:
-        rest_squared: Squared rest lengths of the edges [m^2], shape [m].
-        stiffness: Their stiffnesses [N/m], shape [m].
+        springs: All edges, as springs.
+        bands: Those that elastic bands run along; None until triangles are asked for.
+        shapes: All triangles; likewise.
         extent: Of the garment at rest, the largest [m].
         hinge_weight: Weights of the hinges' curvature, shape [h, 4].
         hinge_stiffness: Their stiffnesses [N/m], shape [h].
@@ -46,7 +51,8 @@ class XpbdWorkspace(Workspace):
         coarse: A coarse level of the edges, for the same, where it is asked for.
         threads: What it is made of; None where there is none.
         prepared_for: That length [s], the rate of damping [1/s], the sub-steps for each search for
-            contacts, whether there is a coarse level, and the sub-steps of a step.
+            contacts, whether there is a coarse level, the sub-steps of a step, and whether
+            triangles act instead of springs.
         bend_every: Sub-steps for each pass over the hinges, see `prepare`.
         place: Points of the planes in which particles touch shapes [m], shape [free, 3].
         shift: How far those move in a sub-step [m], shape [free, 3].
@@ -63,8 +69,9 @@ class XpbdWorkspace(Workspace):
         code: Machine code of the kernels of `sub_steps`, in order; None before the first step.
     """
 
-    rest_squared: FloatArray
-    stiffness: FloatArray
+    springs: Springs
+    bands: Springs | None
+    shapes: Shapes | None
     extent: float
     hinge_weight: FloatArray
     hinge_stiffness: FloatArray
@@ -72,7 +79,7 @@ class XpbdWorkspace(Workspace):
     prepared: Prepared
     coarse: CoarseLevel
     threads: Threads | None
-    prepared_for: tuple[float, float, int, bool, int]
+    prepared_for: tuple[float, float, int, bool, int, bool]
     bend_every: int
     place: SingleArray
     shift: SingleArray
@@ -91,45 +98,32 @@ class XpbdWorkspace(Workspace):
     @classmethod
     def room_for(cls, model: ClothModel, shapes: int) -> "XpbdWorkspace":
         """Arrays for a garment and a number of collider shapes."""
-        triangles = model.particle_triangles
-        springs = model.springs
-        edges = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
-        edges = edges[inward_order(edges, triangles, model.free_count)]
-        order, fours = in_fours(edges)
-        edges = edges[order]
-        rest, weight = model.rest, model.inverse_mass
-        bending = hinges(rest, triangles, model.material, model.corners)
+        springs, weight = springs_of(model), model.inverse_mass
+        bending = hinges(model.rest, model.particle_triangles, model.material, model.corners)
         used = np.flatnonzero(
             (weight[bending.particles].sum(axis=1) > 0.0) & (bending.stiffness > 0.0)
         )
         used = used[in_fours(bending.particles[used])[0]]
-        m, h = len(edges), len(used)
         lightness = (weight[bending.particles[used]] * bending.weight[used] ** 2).sum(axis=1)
-        stiffness, length = with_bands(
-            model.bands,
-            edges,
-            edge_stiffness(rest, triangles, edges, model.material, model.corners),
-            edge_lengths(model.corners, triangles, edges),
-        )
         return cls(
             **vars(Workspace.room_for(model, shapes)),
-            rest_squared=length**2,
-            extent=float(np.ptp(rest, axis=0).max()),
-            stiffness=stiffness,
+            springs=springs,
+            bands=None,
+            shapes=None,
+            extent=float(np.ptp(model.rest, axis=0).max()),
             hinge_weight=np.ascontiguousarray(bending.weight[used]),
             hinge_stiffness=np.ascontiguousarray(bending.stiffness[used]),
             hinge_rate=np.sqrt(bending.stiffness[used] * lightness),
             prepared=Prepared(
-                edge_particles=np.ascontiguousarray(edges.ravel(), np.uint32),
-                edges=np.zeros((4, m), np.float32),
-                fours=fours,
-                pull=np.zeros(m, np.float32),
+                edges=springs.ready,
+                springs=springs.ready,
+                triangles=Triangles.none(),
                 hinge_particles=np.ascontiguousarray(bending.particles[used]),
-                hinges=np.zeros((h, 8), np.float32),
+                hinges=np.zeros((len(used), 8), np.float32),
             ),
             coarse=CoarseLevel.none(),
             threads=None,
-            prepared_for=(0.0, 0.0, 0, False, 0),
+            prepared_for=(0.0, 0.0, 0, False, 0, False),
             bend_every=1,
             place=np.zeros((model.free_count, 3), np.float32),
             shift=np.zeros((model.free_count, 3), np.float32),
@@ -154,6 +148,7 @@ class XpbdWorkspace(Workspace):
         search_every: int,
         coarse: bool = False,
         count: int = 0,
+        triangles: bool = False,
     ) -> None:
         """Fills `prepared` and `coarse` for sub-steps, unless they are.
 
@@ -172,27 +167,27 @@ class XpbdWorkspace(Workspace):
                 pass as often.
             coarse: Whether there shall be a coarse level.
             count: Sub-steps in a step; a whole number of passes fits into them.
+            triangles: Whether triangles act instead of springs.
         """
-        prepared_for = (dt, rate, search_every, coarse, count)
+        prepared_for = (dt, rate, search_every, coarse, count, triangles)
         if self.prepared_for == prepared_for:
             return
-        ready = self.prepared
-        prepare_edges(
-            ready.edge_particles,
-            self.stiffness,
-            model.inverse_mass,
-            self.rest_squared,
-            1.0 / (1.0 + dt * rate),
-            dt,
-            ready.edges,
-        )
+        keep = 1.0 / (1.0 + dt * rate)
+        self.springs.prepare(model.inverse_mass, keep, dt)
+        if triangles != self.prepared_for[5]:
+            self._take(model, triangles)
+        if triangles:
+            assert self.bands is not None
+            assert self.shapes is not None
+            self.bands.prepare(model.inverse_mass, keep, dt)
+            self.shapes.prepare(model.inverse_mass, keep, dt)
         if coarse != self.prepared_for[3]:
-            edges = ready.edge_particles.reshape(-1, 2).astype(np.int32)
+            edges = self.springs.ready.particles.reshape(-1, 2).astype(np.int32)
             level = coarse_level(model, edges) if coarse else None
             self.coarse, self.threads = level or (CoarseLevel.none(), None)
         if self.threads is not None:
-            keep = 1.0 / (1.0 + dt * rate)
             prepare_cells(self.coarse, self.threads, keep, dt)
+        ready = self.prepared
         fastest = float(self.hinge_rate.max(initial=0.0))
         whole = count or search_every
         divisors = (n for n in range(search_every, 1, -1) if whole % n == 0)
@@ -209,3 +204,16 @@ class XpbdWorkspace(Workspace):
             ready.hinges,
         )
         self.prepared_for = prepared_for
+
+    def _take(self, model: ClothModel, triangles: bool) -> None:
+        """Has triangles, with bands, or springs act."""
+        if not triangles:
+            self.prepared = self.prepared._replace(
+                springs=self.springs.ready, triangles=Triangles.none()
+            )
+            return
+        if self.bands is None or self.shapes is None:
+            self.bands, self.shapes = bands_of(model), triangles_of(model)
+        self.prepared = self.prepared._replace(
+            springs=self.bands.ready, triangles=self.shapes.ready
+        )
