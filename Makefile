@@ -1,6 +1,6 @@
 # Needs Python 3.10 to 3.13 and make; everything else goes into .venv.
 .DEFAULT_GOAL := help
-.PHONY: help front worn soak test test-slow test-machines test-colcon fuzz fuzz-messages bench demo docs mannequin lint clean
+.PHONY: help front peers worn soak test test-slow test-machines test-colcon fuzz fuzz-messages bench demo docs mannequin lint clean
 SHELL := /bin/bash
 
 # The first Python that is young enough and old enough.
@@ -57,6 +57,9 @@ bench: $(STAMP) ## Timing figures, as ratios within one run
 front: $(STAMP) ## Whether speed and accuracy are where they were: fails where they are worse (a minute)
 	$(PY) bench/front.py $(ARGS)
 
+peers: $(STAMP) ## Other cloth simulators, in environments of their own, and ours in the same scenes (long; ARGS=--write: docs)
+	$(PY) bench/peers/compare.py $(ARGS)
+
 worn: $(STAMP) ## Whether garments stay worn, on the shared bodies and clips (long)
 	$(PY) bench/worn.py $(ARGS)
 
@@ -80,5 +83,5 @@ mannequin: $(STAMP) ## The default mannequin and its hulls anew, after a change 
 	SHIPPED.write_text(kept_text(content_key(body, options), fit_colliders(body, options)))"
 
 clean: ## Everything that was made here
-	rm -rf .venv .machines out build install log *.egg-info .*_cache .hypothesis
+	rm -rf .venv .machines .peers out build install log *.egg-info .*_cache .hypothesis
 	find garment_sim_ros test -name __pycache__ -type d -prune -exec rm -rf {} +

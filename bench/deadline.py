@@ -5,10 +5,10 @@
 
 The three nodes of `garment-sim demo` run and are recorded, each preset in turn, several times.
 With ``--busy N`` a loop that does nothing else keeps each of N cores busy meanwhile; with
-``--free`` there is a run without, too. Late frames are those of the node's own count, of all
-frames after the first second: published more than half a period after they were due, or not at
-all, over those that were due. Prints, for each preset, the median and the range over the repeats;
-for `auto` also which share of the frames ran at which level, and how often that changed.
+``--free`` there is a run without, too. Late frames are those of the node's own count
+(`garment_sim_ros/lateness.py`) after the first second, over those that were due. Prints, for each
+preset, the median and the range over the repeats; for `auto` also which share of the frames ran at
+which level, and how often that changed.
 """
 
 import argparse
@@ -29,10 +29,11 @@ import numpy as np
 from garment_sim_ros.cli import demo
 from garment_sim_ros.cli.avatar_options import RATE, node_parameters
 from garment_sim_ros.cli.main import parser
+from garment_sim_ros.lateness import SETTLING, late_of
 from garment_sim_ros.params import PRESETS
 from garment_sim_ros.recording.bags import read_recording
 
-_SETTLING = 60  # frames
+_SETTLING = round(SETTLING * RATE)  # frames
 
 
 @contextmanager
@@ -60,12 +61,12 @@ def run(preset: str, seconds: float, busy: int) -> dict[str, Any]:
             demo._record(parameters, seconds, Path(folder), time.monotonic())
         quality = read_recording(Path(folder) / "bag").quality
     one = next(iter(quality.values()))
-    late = one["late_frames"][_SETTLING:] - one["late_frames"][_SETTLING]
+    late = late_of(one["late_frames"], RATE)
     whole = np.concatenate([of["strain_p95"][_SETTLING:] for of in quality.values()])
     level = one.get("auto_level", np.zeros(0))[_SETTLING:].astype(int).tolist()
     return {
-        "frames": len(late),
-        "late_percent": 100.0 * float(late[-1]) / (RATE * seconds - _SETTLING),
+        "frames": len(one["late_frames"]) - _SETTLING,
+        "late_percent": 100.0 * late / (RATE * seconds - _SETTLING),
         "step_ms": float(np.median(one["step_ms"][_SETTLING:])),
         "step_ms_p95": float(np.percentile(one["step_ms"][_SETTLING:], 95.0)),
         "strain_p95": float(np.median(whole)),

@@ -18,6 +18,7 @@ import argparse
 import os
 import subprocess
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -27,7 +28,9 @@ import numpy as np
 
 import garment_sim_ros as gs
 from garment_sim_ros.body.kinematics import rest_transforms
+from garment_sim_ros.body.skin import Body
 from garment_sim_ros.contact.pierced import PiercedMeter
+from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.declaration import validated
 from garment_sim_ros.params import PRESETS, ClothNodeParameters, ColliderOptions, Environment
 from garment_sim_ros.presets import Choice, chosen, preset_file
@@ -64,14 +67,23 @@ def clips(given: list[str]) -> list[Clip]:
     return [walk, Clip("walk at twice the speed", "walk", speed=2.0)]
 
 
+Change = Callable[[Body, ColliderSet], ColliderSet]
+
+
 @cache
 def dressed(
-    body: str, outfit: str, options: ColliderOptions, attachments: str, skinning: str
+    body: str,
+    outfit: str,
+    options: ColliderOptions,
+    attachments: str,
+    skinning: str,
+    change: Change | None = None,
 ) -> tuple[gs.Avatar, gs.Outfit]:
-    """The mannequin with colliders, and its outfit."""
+    """The mannequin with colliders, or what `change` makes of them, and its outfit."""
     avatar = gs.Avatar.load(body, **vars(options))
     wearer = replace(avatar.body, skinning=skinning)
-    avatar = gs.Avatar(wearer, avatar.colliders, attachments=attachments)
+    colliders = change(wearer, avatar.colliders) if change else avatar.colliders
+    avatar = gs.Avatar(wearer, colliders, attachments=attachments)
     return avatar, avatar.dress(outfit)
 
 
@@ -79,12 +91,19 @@ class Wearer:
     """One preset on its own colliders, worn through a clip, or at rest where there is none."""
 
     def __init__(
-        self, choice: Choice, clip: Clip | None, seconds: float, body: str, outfit: str = OUTFIT
+        self,
+        choice: Choice,
+        clip: Clip | None,
+        seconds: float,
+        body: str,
+        outfit: str = OUTFIT,
+        change: Change | None = None,
     ) -> None:
         options = validated(ColliderOptions, choice.values("collider_node", ColliderOptions))
         node = validated(ClothNodeParameters, choice.values("cloth_node", ClothNodeParameters))
         self.frame_time = 1.0 / node.rate
-        self.avatar, worn = dressed(body, outfit, options, node.attachments, node.skinning)
+        how = options, node.attachments, node.skinning, change
+        self.avatar, worn = dressed(body, outfit, *how)
         if clip is None:
             rest = rest_transforms(self.avatar.body.rig)
             self.joints = [rest] * (round(seconds * node.rate) + 1)
@@ -126,7 +145,7 @@ class Wearer:
     def frame(self, n: int) -> None:
         """From frame n - 1 to frame n."""
         began = time.thread_time()
-        self.simulation.advance(self.poses[n - 1], self.poses[n], self.frame_time)
+        self.advance(n)
         self.times.append(time.thread_time() - began)
         x = {g.name: self.simulation.positions(g.name) for g in self.garments}
         self.pierced.add(self.poses[n], {g.name: (x[g.name], g.triangles) for g in self.garments})
@@ -134,6 +153,10 @@ class Wearer:
             self.due += MEASURED
             skin = self.avatar.skin(self.joints[n])
             self.meter.add(skin, {name: v.astype(float) for name, v in x.items()})
+
+    def advance(self, n: int) -> None:
+        """What of a frame is timed."""
+        self.simulation.advance(self.poses[n - 1], self.poses[n], self.frame_time)
 
     def share_of_a_core(self) -> float:
         """Median cost of a frame over the time that it shows."""

@@ -181,23 +181,6 @@ def _lengths(x: FloatArray, edges: IntArray) -> FloatArray:
     return np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1)
 
 
-def late_frames(times: NDArray[np.floating], period: float) -> int:
-    """Frames that came more than half a period after they were due, or not at all.
-
-    Frames are due once in every period; the phase is the one that most frames keep to.
-
-    Args:
-        times: When each frame came [s], increasing, shape [n].
-        period: Of the frames [s].
-    """
-    if len(times) < 2:
-        return 0
-    phase = times / period * 2.0 * np.pi
-    offset = np.angle(np.exp(1j * phase).mean()) / (2.0 * np.pi)
-    tick = np.round(times / period - offset).astype(np.int64)
-    return int(tick[-1] - tick[0] + 1 - len(np.unique(tick)))
-
-
 def rate(times: NDArray[np.floating]) -> float:
     """Frames per second from first to last."""
     span = float(times[-1] - times[0]) if len(times) > 1 else 0.0

@@ -8,13 +8,12 @@ import numpy as np
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.contact.pierced import Pierced, PiercedMeter
 from garment_sim_ros.garment.garment import Garment
+from garment_sim_ros.lateness import late_of
 from garment_sim_ros.recording.bags import Recording
-from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh, late_frames, rate
+from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh, rate
 from garment_sim_ros.recording.own_sides import OwnSides
 from garment_sim_ros.recording.previews import Figure
 from garment_sim_ros.recording.replay import Replay
-
-_SETTLING = 1.0  # of the start, in which frames may be late [s]
 
 
 def figures(recording: Recording, body: Body) -> list[Figure]:
@@ -45,7 +44,8 @@ def summarize(
         frame_rate: At which frames are due [Hz].
 
     Returns:
-        What goes into ``summary.json``.
+        What goes into ``summary.json``; `late_frames` as the node counted them, None where it
+        told none.
     """
     meshes = {
         name: GarmentMesh.from_rest(track.vertices, track.triangles)
@@ -59,7 +59,7 @@ def summarize(
         meter.add(figure.skin, dict(zip(meshes, figure.garments)))
         measured += 1
     times = [1e-9 * np.sort(t.arrival) for t in recording.garments.values()]
-    settled = [t[t >= t[0] + _SETTLING] for t in times]
+    late = [k["late_frames"] for k in recording.quality.values() if "late_frames" in k]
     step = np.concatenate(
         [keys["step_ms"] for keys in recording.quality.values() if "step_ms" in keys]
     )
@@ -71,7 +71,7 @@ def summarize(
     return {
         "frames": min(len(t) for t in times),
         "rate_hz": round(min(rate(t) for t in times), 3),
-        "late_frames": max(late_frames(t, 1.0 / frame_rate) for t in settled),
+        "late_frames": max((late_of(told, frame_rate) for told in late), default=None),
         "step_ms_median": round(float(np.median(step)), 4),
         "step_ms_p95": round(float(np.percentile(step, 95.0)), 4),
         **result,

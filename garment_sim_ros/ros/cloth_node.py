@@ -15,15 +15,15 @@ from garment_sim_ros.body.missing_bones import missing_bones_of
 from garment_sim_ros.colliders.description import MAX_TEXT
 from garment_sim_ros.errors import MessageError, ParameterError
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, read_outfit
+from garment_sim_ros.lateness import LateFrames
 from garment_sim_ros.params import ClothNodeParameters, Environment
 from garment_sim_ros.presets import usual_colliders
-from garment_sim_ros.ros import garment_publishers
 from garment_sim_ros.ros.cloth_stepper import POSE_COUNT, ClothStepper
 from garment_sim_ros.ros.compiler import Compiler, expected_scene
 from garment_sim_ros.ros.conversions import StampedPoses, poses_from, text_from
 from garment_sim_ros.ros.diagnostics import Condition
 from garment_sim_ros.ros.dresser import Dressed, Dresser
-from garment_sim_ros.ros.garment_publishers import GarmentPublishers
+from garment_sim_ros.ros.garment_publishers import GarmentPublishers, warm_up
 from garment_sim_ros.ros.garment_quality import GarmentQuality, quality
 from garment_sim_ros.ros.lifecycle import ManagedNode
 from garment_sim_ros.ros.pace import Pace, check_pace
@@ -78,8 +78,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         self._early: list[StampedPoses] = []
         self._still_dressing: Thread | None = None
         self._paused = self._forces_are_new = False
-        self.frames = self._late_frames = 0
-        self._step_ms = 0.0
+        self.frames, self._late, self._step_ms = 0, LateFrames(), 0.0
         self.ages: deque[float] = deque(maxlen=_KEPT_AGES)
         self.create_service(Trigger, "~/reset", self._reset)
         self.create_service(SetBool, "~/pause", self._pause)
@@ -97,7 +96,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             raise ParameterError("body", "found nothing", "allowed: the wearer's file")
         outfit = p.outfit or DEFAULT_OUTFIT
         file = read_outfit(outfit)
-        compiler = Compiler(p.solver, garment_publishers.warm_up)
+        compiler = Compiler(p.solver, warm_up)
         with reporting(self.get_logger().info, "compile, or load what is compiled") as tell:
             check_wind(self._environment.values)
             # The description may tell of other colliders than the outfit asks for.
@@ -218,7 +217,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             values={
                 "input_age_s": silent,
                 "frames": self.frames,
-                "late_frames": self._late_frames,
+                "late_frames": self._late.count,
                 **{"step_ms": self._step_ms, "age_ms": self.ages[-1] if self.ages else 0.0},
                 **self._watch.figures()._asdict(),
                 **stepper.figures(),
@@ -335,7 +334,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             return
         self._pace.begin(self._ticker, due)
         self._take_over_forces()
-        self._late_frames += ticks - 1 if self.frames else 0
+        self._late.begin(due, self._ticker.period, ticks - 1 if self.frames else 0)
         self._step_ms, moved = 0.0, False
         if not self._paused:
             try:
@@ -346,7 +345,6 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
                 self.rejections.add(COLLIDER_POSES.name, error)
         if moved or self._poses.silent() <= self.parameters.stale_after:
             self._publish()
-        self._late_frames += self._ticker.now() - due > self._ticker.period // 2
         self._pace.end(moved=moved)
 
     def _advance(self, until: int, *, in_time: bool) -> bool:
@@ -364,12 +362,14 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             name: self._topics[name].publish(stepper.simulation, stepper.time)
             for name in stepper.simulation.names
         }
-        self.ages.append(1e-6 * (self.get_clock().now().nanoseconds - stepper.time))
+        now = self.get_clock().now().nanoseconds
+        self._late.published(now)
+        self.ages.append(1e-6 * (now - stepper.time))
         self._watch.look(stepper.poses, shown)
         self.frames += 1
         if self._quality.get_subscription_count():
             figures: dict[str, object] = {
-                **{"step_ms": self._step_ms, "late_frames": self._late_frames},
+                **{"step_ms": self._step_ms, "late_frames": self._late.count},
                 **{"coarse_s": stepper.coarse / SECOND, "skipped_s": stepper.skipped / SECOND},
                 **self._pace.figures(),
             }

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from garment_sim_ros.lateness import ALLOWED
 from garment_sim_ros.params import ClothNodeParameters
 from garment_sim_ros.presets import preset_values
 from garment_sim_ros.ros.cloth_stepper import ClothStepper
@@ -14,8 +15,8 @@ from garment_sim_ros.sim.auto.pacer import Pacer, check_solver, check_unmoved
 from garment_sim_ros.stamps import SECOND
 
 AUTO = "auto"
-SHARE = 0.4
-"""Part of a frame's period that it may take where no budget is given; it is late after half."""
+SHARE = 0.8 * ALLOWED
+"""Part of a frame's period that it may take where no budget is given: less than makes it late."""
 _BEHIND = 2
 """More frames' time than this makes the cloth be behind."""
 _NOT = "time must not decide where step_on is poses: preset auto runs as balanced does"

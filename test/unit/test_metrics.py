@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh, late_frames, rate
+from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh, rate
 
 
 @pytest.fixture
@@ -108,17 +108,6 @@ def test_a_garment_that_shows_through_another_is_crossed(body):
 
 def test_nothing_measured_gives_none(body):
     assert ClothMeter(*body, {}).result()["penetration_mm_max"] is None
-
-
-def test_late_frames_are_those_more_than_half_a_period_late():
-    due = 100.0 + np.arange(600) / 60.0
-    jitter = np.random.default_rng(1).uniform(-0.3, 0.3, 600) / 60.0
-    assert late_frames(due + jitter, 1 / 60.0) == 0
-    one_late = due.copy()
-    one_late[300] += 0.7 / 60.0
-    assert late_frames(one_late, 1 / 60.0) == 1
-    assert late_frames(np.delete(due, [200, 201]), 1 / 60.0) == 2
-    assert late_frames(due[:1], 1 / 60.0) == 0
 
 
 def test_rate_counts_intervals():

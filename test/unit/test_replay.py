@@ -38,7 +38,14 @@ def recording():
         joint_values=values,
         stamp=np.zeros(0, np.int64),
         garments={},
-        quality={"belt": {"step_ms": np.linspace(1.0, 3.0, FRAMES), "resets": np.ones(FRAMES)}},
+        quality={
+            "belt": {
+                "step_ms": np.linspace(1.0, 3.0, FRAMES),
+                "resets": np.ones(FRAMES),
+                # 7 late frames in the first second, 3 afterwards.
+                "late_frames": np.where(np.arange(FRAMES) < 100, 7.0, 10.0),
+            }
+        },
     )
 
 
@@ -105,7 +112,7 @@ def test_summary_of_a_garment_that_is_the_skin(recording, body):
     summary = summarize(worn, body, [belt], shown, frame_rate=60.0)
     assert summary["frames"] == FRAMES
     assert summary["rate_hz"] == pytest.approx(60.0, abs=0.01)
-    assert summary["late_frames"] == 0
+    assert summary["late_frames"] == 3, "as the node counted, after the first second"
     assert summary["step_ms_median"] == pytest.approx(2.0, abs=0.02)
     assert summary["penetration_mm_max"] < 0.1
     assert summary["gap_mm_median"] == pytest.approx(0.0, abs=0.01)

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ pytest.importorskip("rclpy")
 
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from ros_input.cloth import GARMENTS, NAMESPACE, SECOND, points_of, resets, stamp_of
+from ros_input.cloth import GARMENTS, NAMESPACE, RATE, SECOND, points_of, resets, stamp_of
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
@@ -94,6 +95,31 @@ def test_quality_has_one_status_per_garment_and_frame(running, probe):
             assert 0.0 <= values[measure] <= 1.0
     stamps = {stamp_of(m) for m in probe.received("garments/skirt/points")}
     assert message.header.stamp.sec * SECOND + message.header.stamp.nanosec in stamps
+
+
+def test_frames_of_a_time_in_which_the_node_stands_still_are_late(running, node, probe, until):
+    """Stopped from outside for a known time: all frames due in it are late, no others."""
+
+    def late():
+        values = {v.key: v.value for v in probe.next("quality")[0].status[0].values}
+        return int(values["late_frames"])
+
+    def is_stopped():
+        return Path(f"/proc/{node.pid}/stat").read_text().rpartition(")")[2].split()[0] == "T"
+
+    began = time.monotonic()
+    before = late()
+    node.send(signal.SIGSTOP)
+    until(is_stopped, "the node stands still")
+    stopped = time.monotonic()
+    until(lambda: time.monotonic() > stopped + 0.5, "half a second is over")
+    held = time.monotonic() - stopped
+    node.send(signal.SIGCONT)
+    probe.next("quality")  # it may have been under way
+    after = late()
+    assert after - before >= int(held * RATE - 0.5)
+    assert after - before <= (time.monotonic() - began) * RATE + 2.0
+    until(lambda: probe.value(node, "late_frames") >= after, "diagnostics tell the same count")
 
 
 def test_reset(running, probe, reach):
