@@ -15,7 +15,7 @@ from garment_sim_ros.geometry.topology import hinge_vertices
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "bench"))
 sys.path.insert(0, str(Path(__file__).parent))
-from test_fabric_on_meshes import SPACING, rows
+from naive.naive_membrane import SPACING, rows
 from textile_tests import bending_length, cantilever, drape_coefficient
 
 RADIUS = 2.0
