@@ -53,22 +53,25 @@ class Springs(NamedTuple):
         )
 
 
-def springs_of(model: ClothModel) -> Springs:
-    """All edges of a garment, with the bands along them."""
+def _edges_of(model: ClothModel) -> tuple[IntArray, FloatArray]:
+    """Edges of a garment in the order of a pass, shape [m, 2], and their rest lengths [m]."""
     triangles, springs = model.particle_triangles, model.springs
     edges = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
     edges = edges[inward_order(edges, triangles, model.free_count)]
+    return edges, edge_lengths(model.corners, triangles, edges)
+
+
+def springs_of(model: ClothModel) -> Springs:
+    """All edges of a garment, with the bands along them."""
+    edges, length = _edges_of(model)
+    triangles = model.particle_triangles
     stiffness = edge_stiffness(model.rest, triangles, edges, model.material, model.corners)
-    length = edge_lengths(model.corners, triangles, edges)
     return Springs.of(edges, *with_bands(model.bands, edges, stiffness, length))
 
 
 def bands_of(model: ClothModel) -> Springs:
     """The edges that bands run along, with nothing but these."""
-    triangles, springs = model.particle_triangles, model.springs
-    edges = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
-    edges = edges[inward_order(edges, triangles, model.free_count)]
-    length = edge_lengths(model.corners, triangles, edges)
+    edges, length = _edges_of(model)
     stiffness, length = with_bands(model.bands, edges, np.zeros(len(edges)), length)
     banded = stiffness > 0.0
     return Springs.of(edges[banded], stiffness[banded], length[banded])

@@ -211,32 +211,24 @@ def _moves(triangles, at, threads, pulled):
 
 
 @kernel(inner=True)
-def _corners(particles, n, width):
-    """Where the corners of four triangles from n on are, with so many numbers for each particle.
+def _corner(particles, i, width):
+    """Where one corner of each of four triangles is, the first one's at i of `particles`."""
+    return (
+        width * np.uint64(particles[i]),
+        width * np.uint64(particles[i + 3]),
+        width * np.uint64(particles[i + 6]),
+        width * np.uint64(particles[i + 9]),
+    )
 
-    Returns:
-        First, second and third corners.
-    """
+
+@kernel(inner=True)
+def _corners(particles, n, width):
+    """First, second and third corners of four triangles from n on, with so many numbers each."""
     i = np.int64(3 * n)
     return (
-        (
-            width * np.uint64(particles[i]),
-            width * np.uint64(particles[i + 3]),
-            width * np.uint64(particles[i + 6]),
-            width * np.uint64(particles[i + 9]),
-        ),
-        (
-            width * np.uint64(particles[i + 1]),
-            width * np.uint64(particles[i + 4]),
-            width * np.uint64(particles[i + 7]),
-            width * np.uint64(particles[i + 10]),
-        ),
-        (
-            width * np.uint64(particles[i + 2]),
-            width * np.uint64(particles[i + 5]),
-            width * np.uint64(particles[i + 8]),
-            width * np.uint64(particles[i + 11]),
-        ),
+        _corner(particles, i, width),
+        _corner(particles, i + 1, width),
+        _corner(particles, i + 2, width),
     )
 
 
