@@ -169,7 +169,8 @@ class ClothStepper:
         elif before is not None:
             # Jumps of the time before say nothing of this one.
             self._is_unsteady, self._jumped = False, stamp - _UNSTEADY
-            if not new_sender and self._on_time_jump == "keep":
+            # A loop shorter than putting on takes would never show garments put on anew each time.
+            if not new_sender and (self._on_time_jump == "keep" or self.is_behind):
                 self._carries, puts_on = True, False
         if anew:
             self._starts_anew = self._starts_anew or puts_on

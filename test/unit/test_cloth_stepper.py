@@ -1,5 +1,7 @@
 """The cloth's clock, without any node."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
@@ -240,6 +242,33 @@ class TestClothStepper:
         assert frames == 31
         assert stepper.time == now * STEP
         assert stepper.skipped > 0
+
+    def test_a_loop_shorter_than_putting_on_takes_has_garments_taken_along(self, make):
+        """The next round begins before they were seen: put on anew they never would be."""
+        stepper = make(catch_up=0.05)
+        self.feed(stepper, 100 * STEP, 0.1)
+        stepper.advance(100 * STEP)
+        assert stepper.is_behind
+        self.feed(stepper, 180 * STEP, 0.18)
+        stamp = 100
+        while stepper.newest != stamp * STEP:
+            stamp += 1
+            with contextlib.suppress(MessageError):
+                self.feed(stepper, stamp * STEP, stamp / 1000)
+        assert stepper.advance(stamp * STEP)
+        assert not stepper.is_behind
+        assert stepper.time == stamp * STEP
+        assert stepper.resets == 0
+        assert stepper.moves == [("reset", 0.1)]
+
+    def test_whoever_asks_for_it_has_them_put_on_though_they_were_not_seen(self, make):
+        stepper = make(catch_up=0.05)
+        self.feed(stepper, 0, 0.0)
+        stepper.advance(0)
+        self.feed(stepper, STEP, 0.001)
+        stepper.restart()
+        stepper.advance(STEP)
+        assert stepper.resets == 1
 
     def test_garments_on_a_body_that_stands_still_are_shown_at_once(self, make):
         stepper = make(delay=0.02)
