@@ -1,5 +1,6 @@
 """How a node's process begins and ends."""
 
+import faulthandler
 import gc
 import os
 import signal
@@ -89,6 +90,7 @@ def run(
         print(version() if asked == {"--version"} else NODES[name].help())
         return 0
     signals = _StopSignals()
+    faulthandler.enable()  # a fault below Python says where it was
     prepare_process()
     node: ManagedNode[Any] | None = None
     try:

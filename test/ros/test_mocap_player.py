@@ -237,7 +237,7 @@ def test_its_own_clock(start_node, make_probe):
     stamps = {nanoseconds(m.header.stamp) for m in probe.next(joints, 20)}
     assert all(stamp % PERIOD == 0 for stamp in stamps)
     player.send(signal.SIGTERM)
-    assert player.wait() == 0
+    assert player.wait() == 0, player.output
 
 
 @pytest.mark.parametrize(
@@ -267,7 +267,7 @@ def test_clean_end(start_node, make_probe, number):
     probe = make_probe(namespace)
     probe.next(probe.listen(JOINT_STATES), 3)
     player.send(number)
-    assert player.wait() == 0
+    assert player.wait() == 0, player.output
     assert "Traceback" not in player.output
     assert "rror" not in player.output
 
@@ -277,5 +277,5 @@ def test_clean_end_before_it_plays(start_node, until, number):
     player = start_node("mocap_player", "/player_early")
     until(lambda: "Built-in walk" in player.output, "the first line of the log")
     player.send(number)
-    assert player.wait() == 0
+    assert player.wait() == 0, player.output
     assert "Traceback" not in player.output
