@@ -157,6 +157,7 @@ def put(content, path, value):
 
 
 FRONT = ("pattern", "panels", "front")
+ARC = {"type": "circle"}
 
 
 @pytest.mark.parametrize(
@@ -173,11 +174,31 @@ FRONT = ("pattern", "panels", "front")
         ((*FRONT, "edges", 1, "endpoints"), [1, 3], "'front'"),
         ((*FRONT, "edges", 1, "endpoints"), [1, 1], "'front' edge 1 has no length"),
         ((*FRONT, "edges", 1, "curvature"), {"type": "spline", "params": []}, "spline"),
+        (
+            (*FRONT, "edges", 1, "curvature"),
+            ARC | {"params": [19.9, 0, 0]},
+            "'front' edge 1.*radius",
+        ),
+        (
+            (*FRONT, "edges", 1, "curvature"),
+            ARC | {"params": [-30, 0, 0]},
+            "'front' edge 1.*radius",
+        ),
+        (
+            (*FRONT, "edges", 1, "curvature"),
+            ARC | {"params": [1e300, 0, 0]},
+            "'front' edge 1.*radius",
+        ),
         ((*FRONT, "translation"), [0, 0], "'front' translation"),
         (("pattern", "stitches", 0, 1), {"panel": "cape", "edge": 0}, "no panel 'cape'"),
         (("pattern", "stitches", 0, 1), {"panel": "back", "edge": 7}, "'back' has no edge 7"),
         (("pattern", "stitches", 0, 1), {"panel": "front", "edge": 1}, "sewn to itself"),
         (("pattern", "stitches", 0), [{"panel": "back", "edge": 0}], "stitch 0"),
+        (
+            ("pattern", "stitches", 0, 1),
+            {"panel": "back", "edge": 1.0},
+            "'back' is no whole number",
+        ),
         (
             ("pattern", "stitches", 0, 1),
             {"panel": "back", "edge": 3},

@@ -37,6 +37,8 @@ MAX_FILE_BYTES = 8 * 2**20
 _MOST_STITCHES = 4096
 _FARTHEST = 1e4
 """Largest number that is a coordinate, in the file's units."""
+_FLATTEST = 1e6
+"""Largest radius of an arc, in distances of its ends."""
 _TURNED = "right_wrong"
 """What a stitch says that turns one of its pieces over."""
 
@@ -161,6 +163,12 @@ def _edge(what: str, entry: object, corners: FloatArray, metre: float, relative:
         if not isinstance(params, list) or len(params) != 3:
             raise GeometryError(f"{what}: a circle needs radius, large and right")
         radius = _number(f"{what} radius", params[0]) * metre
+        chord = float(np.hypot(*(corners[end] - corners[start])))
+        if not 0.5 * chord * (1.0 - 1e-9) <= radius <= _FLATTEST * chord:
+            raise GeometryError(
+                f"{what} is an arc of radius {radius:.4g} m between points {chord:.4g} m apart; "
+                f"allowed: {0.5 * chord:.4g} m to {_FLATTEST * chord:.2g} m"
+            )
         return Edge(
             start=start,
             end=end,
@@ -274,7 +282,9 @@ def _side(what: str, entry: object, order: Mapping[str, Sequence[int]]) -> tuple
         numbers = edge if isinstance(edge, list) else [edge]
         for number in numbers:
             if isinstance(number, bool) or not isinstance(number, int):
-                raise GeometryError(f"{what}: the edge {number!r:.40} of {panel!r} is no number")
+                raise GeometryError(
+                    f"{what}: the edge {number!r:.40} of {panel!r} is no whole number"
+                )
             if not 0 <= number < len(order[panel]):
                 raise GeometryError(
                     f"{what}: panel {panel!r} has no edge {number}; allowed: 0 to "
