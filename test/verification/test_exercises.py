@@ -1,0 +1,86 @@
+"""Poses that clothes are hard to wear in, of `bench/exercises.py`: the default outfit stays on."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import garment_sim_ros as gs
+from garment_sim_ros.contact.pierced import PiercedMeter
+from garment_sim_ros.recording.metrics import GarmentMesh
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "bench"))
+import exercises
+
+sys.path.pop(0)
+
+QUICK = ("arms_crossed", "squat")
+LONGEST = 6.0
+"""Excess length over rest length of any edge: 4.0 in the squat, in the crease between thigh and
+belly, where two parts of the body are in one place."""
+
+
+@pytest.fixture(scope="module")
+def avatar():
+    return gs.Avatar.load("mannequin")
+
+
+@pytest.fixture
+def clip(tmp_path, monkeypatch):
+    def make(*names):
+        path = tmp_path / "exercises.bvh"
+        words = ["exercises.py", str(path), "--only", *names]
+        monkeypatch.setattr(sys, "argv", words)
+        exercises.main()
+        return str(path)
+
+    return make
+
+
+def test_the_lowest_joint_stands_on_the_floor():
+    for name, pose in exercises.POSES.items():
+        turns = exercises.turns(pose)
+        at, turned = {None: np.zeros(3)}, {None: exercises.Rotation.identity()}
+        for joint, (parent, offset) in exercises.JOINTS.items():
+            at[joint] = at[parent] + turned[parent].apply(offset)
+            turned[joint] = turned[parent] * turns[joint]
+        up = exercises.height(turns)
+        over = [up + at[joint][1] - least for joint, least in exercises.FLOOR.items()]
+        assert min(over) == pytest.approx(0.0, abs=1e-12), name
+
+
+def test_a_clip_begins_and_ends_standing_and_is_in_the_pose_between(clip, avatar):
+    path = clip("arms_up")
+    poses = [p.copy() for p in avatar.play(path, rate=30.0)]
+    hands = [i for i, c in enumerate(avatar.colliders.colliders) if c.bone.endswith("Hand")]
+    heights = np.array([p.position[hands, 2].mean() for p in poses])
+    stay, go = round(exercises.STAY * 30), round(exercises.GO * 30)
+    assert len(poses) in (2 * stay + 2 * go - 1, 2 * stay + 2 * go)
+    assert np.ptp(heights[: stay - 1]) < 0.01
+    assert abs(heights[-1] - heights[0]) < 0.02
+    assert heights[stay + go + 2] > heights[0] + 1.0
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        pytest.param(QUICK, id="some"),
+        pytest.param(tuple(exercises.POSES), id="all", marks=pytest.mark.slow),
+    ],
+)
+def test_the_default_outfit_stays_worn(clip, avatar, names):
+    outfit = avatar.dress("tshirt_short_skirt")
+    simulation = gs.Simulation(outfit, avatar.colliders)
+    meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in outfit.garments}
+    meter, longest = PiercedMeter(avatar.colliders), 0.0
+    for pose in avatar.play(clip(*names), rate=60.0):
+        simulation.step(pose, dt=1 / 60)
+        seen = {
+            name: (simulation.positions(name), mesh.triangles) for name, mesh in meshes.items()
+        }
+        meter.add(pose, seen)
+        strains = [mesh.strain(seen[name][0]).max() for name, mesh in meshes.items()]
+        longest = max(longest, *map(float, strains))
+    assert meter.result().share == 0.0, meter.result().by_bone
+    assert longest < LONGEST
