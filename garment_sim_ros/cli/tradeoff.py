@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple
@@ -16,16 +17,21 @@ from garment_sim_ros.cli.progress import progress
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.collider_params import HULLS, METHODS
 from garment_sim_ros.errors import GarmentSimError, InputFileError, ParameterError
+from garment_sim_ros.params import PRESETS
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.solver_params import MEMBRANES, SPRINGS
+from garment_sim_ros.tradeoff.axes import Axis, axis, collider_kinds
 from garment_sim_ros.tradeoff.plots import draw
-from garment_sim_ros.tradeoff.points import Point, grid
+from garment_sim_ros.tradeoff.points import Point, grid, preset_point
 from garment_sim_ros.tradeoff.runner import measured, referenced
 from garment_sim_ros.tradeoff.scenes import PLAIN, SCENES, scene_named
 from garment_sim_ros.tradeoff.table import Kept, Row, machine, markdown, on_fronts, write_csv
 from garment_sim_ros.version import VERSION
 
 EXAMPLE = "garment-sim tradeoff drape hung walk --out out/tradeoff"
+_PRESETS = tuple(name for name in PRESETS if name != "auto")
+_OF_PRESETS = "as a node runs it; the grid is measured beside them where --solver is given"
+_OF_VARY = "a parameter of solver or colliders as an axis; may be repeated"
 _COST, _ERROR = "hot_ms", "trajectory_mm"
 
 Task = tuple[Callable[..., Row], tuple[Any, ...]]
@@ -39,6 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--solver", choices=tuple(SOLVERS), action="append", help="only this one; may be repeated")
     add("--colliders", choices=METHODS, action="append", help="hulls if none; may be repeated")
     add("--membrane", choices=MEMBRANES, action="append", help="springs if none; may be repeated")
+    add("--preset", choices=_PRESETS, nargs="+", default=[], help=_OF_PRESETS)
+    add("--vary", type=_axis, action="append", default=[], metavar="NODE.PARAM=V,V", help=_OF_VARY)
     add("--sub-steps", type=_count, nargs="+", default=[], help="in a frame, of every solver")
     add("--passes", type=_count, nargs="+", default=[], help="sweeps or iterations in each")
     add("--seconds", type=float, default=0.0, help="of each motion at most; 0: all")
@@ -53,6 +61,13 @@ def _count(text: str) -> int:
     if value < 1:
         raise ValueError(text)
     return value
+
+
+def _axis(text: str) -> Axis:
+    try:
+        return axis(text)
+    except ParameterError as error:
+        raise argparse.ArgumentTypeError(f"{error.problem}; {error.allowed}") from None
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
@@ -88,7 +103,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         write_csv(rows, stage / "tradeoff.csv")
         for scene, kind in dict.fromkeys((row["scene"], row["colliders"]) for row in rows):
             of = [r for r in rows if (r["scene"], r["colliders"]) == (scene, kind)]
-            draw(of, f"{scene}_{kind}", stage, cost=_COST, error=_ERROR)
+            draw(of, _as_file(f"{scene}_{kind}"), stage, cost=_COST, error=_ERROR)
     print(markdown(rows, best), end="")
     for name, why in skipped.items():
         print(f"skipped: {name}: {why}", file=sys.stderr)
@@ -123,12 +138,21 @@ def _scenes(asked: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     return [name for name in names if name not in absent], absent
 
 
-def _kinds(args: argparse.Namespace, scene: str) -> list[str]:
-    return (args.colliders or [HULLS]) if SCENES[scene].body else [PLAIN]
+def _points(args: argparse.Namespace, scene: str) -> list[Point]:
+    """The settings that were asked for: presets, the grid, or both."""
+    of = SCENES[scene]
+    plain = "" if of.body else PLAIN
+    points = [preset_point(name, of.frame, plain) for name in args.preset]
+    if args.preset and not args.solver:
+        return points
+    kinds = [plain] if plain else collider_kinds(args.vary, args.colliders or [HULLS])
+    solvers, membranes = args.solver or list(SOLVERS), args.membrane or [SPRINGS]
+    return points + list(grid(kinds, solvers, args.sub_steps, args.passes, membranes, args.vary))
 
 
-def _membranes(args: argparse.Namespace) -> list[str]:
-    return args.membrane or [SPRINGS]
+def _as_file(name: str) -> str:
+    """A name that a file can have."""
+    return re.sub(r"[^\w.=-]+", "_", name)
 
 
 def _told_of(scene: str, kind: str, membrane: str) -> str:
@@ -137,7 +161,7 @@ def _told_of(scene: str, kind: str, membrane: str) -> str:
 
 
 def _file(args: argparse.Namespace, scene: str, kind: str, membrane: str) -> Path:
-    name = "_".join(("reference", *_told_of(scene, kind, membrane).split(", ")))
+    name = _as_file(f"reference_{_told_of(scene, kind, membrane)}")
     return Path(args.out) / (name + (f"_{args.seconds:g}s" if args.seconds else "") + ".npz")
 
 
@@ -145,12 +169,9 @@ def _references(
     args: argparse.Namespace, scenes: Sequence[str], kept: Kept
 ) -> dict[str, dict[str, Any]]:
     """Make the references that are missing; what is to be told of all."""
-    wanted = [
-        (scene, kind, membrane)
-        for scene in scenes
-        for kind in _kinds(args, scene)
-        for membrane in _membranes(args)
-    ]
+    wanted = dict.fromkeys(
+        (scene, point.kind, point.membrane) for scene in scenes for point in _points(args, scene)
+    )
     tasks: dict[str, Task] = {}
     for each in wanted:
         file = _file(args, *each)
@@ -171,9 +192,7 @@ def _rows(args: argparse.Namespace, scenes: Sequence[str], kept: Kept) -> list[R
     """Measure the rows that are missing; all that were asked for."""
     tasks: dict[str, Task] = {}
     for scene in scenes:
-        solvers = args.solver or list(SOLVERS)
-        kinds, membranes = _kinds(args, scene), _membranes(args)
-        for point in grid(kinds, solvers, args.sub_steps, args.passes, membranes):
+        for point in _points(args, scene):
             file = _file(args, scene, point.kind, point.membrane)
             asked = (scene, point, args.seconds, args.repeats, file)
             tasks[_key(scene, point, args)] = measured, asked

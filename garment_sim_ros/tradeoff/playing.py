@@ -58,7 +58,7 @@ class Player:
     def __init__(self, staged: Staged, arguments: dict[str, Any]) -> None:
         self.staged = staged
         self.simulation = Simulation(
-            staged.garments, staged.colliders, environment=staged.environment, **arguments
+            staged.garments, staged.colliders, **{**staged.scene.environment, **arguments}
         )
         self._mended = 0
 

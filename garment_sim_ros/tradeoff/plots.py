@@ -143,7 +143,7 @@ def _chart(
         _mark(canvas, (x, y), row["solver"], not row["faults"])
         if row in best:
             side = (-1) ** best.index(row)  # by turns, as neighbours may be close
-            words = f"{row['sub_steps']}x{row['passes']}"
+            words = row.get("preset") or f"{row['sub_steps']}x{row['passes']}"
             canvas.text(x + 9 * side, y - 9 * side, words, colour, "l" if side > 0 else "r")
     for n, solver in enumerate(s for s in _COLOUR if any(r["solver"] == s for r in rows)):
         _mark(canvas, (right - 310 + 110 * n, 14), solver, True)

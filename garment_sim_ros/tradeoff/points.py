@@ -1,11 +1,22 @@
 """Settings of the solvers as points of a grid."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from garment_sim_ros.params import ImplicitSettings, RelaxationSettings, XpbdSettings
+from garment_sim_ros.declaration import declarations, validated
+from garment_sim_ros.params import (
+    ClothNodeParameters,
+    ColliderOptions,
+    ImplicitSettings,
+    RelaxationSettings,
+    XpbdSettings,
+)
+from garment_sim_ros.presets import collider_options, preset_values, worn_with
+from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.solver_params import SPRINGS
+from garment_sim_ros.tradeoff.axes import Axis, Options, acting, solver_options, words
 
 GRID: Mapping[str, Sequence[tuple[int, int]]] = {
     "relaxation": ((1, 3), (3, 3), (3, 10), (6, 3), (12, 3)),
@@ -20,11 +31,13 @@ class Point:
     """One setting.
 
     Attributes:
-        kind: Kind of colliders.
+        kind: Colliders, as `axes.collider_arguments` takes them.
         solver: Name of the solver.
         sub_steps: In a frame of the scene; of `relaxation`: its steps.
         passes: Sweeps or iterations in each.
         membrane: What resists strain in the plane; `relaxation` has springs.
+        options: Other settings of the solver by name.
+        preset: Name of a preset, which says all of the solver; empty without.
     """
 
     kind: str
@@ -32,15 +45,22 @@ class Point:
     sub_steps: int
     passes: int
     membrane: str = SPRINGS
+    options: Options = ()
+    preset: str = ""
 
     @property
     def name(self) -> str:
         """As tables and pictures have it."""
-        name = f"{self.solver} {self.sub_steps}x{self.passes}"
-        return name if self.membrane == SPRINGS else f"{name} {self.membrane}"
+        if self.preset:
+            return self.preset
+        membrane = () if self.membrane == SPRINGS else (self.membrane,)
+        size = f"{self.sub_steps}x{self.passes}"
+        return " ".join((self.solver, size, *membrane, *words(self.options)))
 
     def arguments(self, frame: float) -> dict[str, Any]:
         """Arguments of `Simulation` for frames of so long [s]."""
+        if self.preset:
+            return {"preset": self.preset, "solver_step": _step(self.preset)}
         if self.solver == "relaxation":
             settings: Any = RelaxationSettings(sweeps=self.passes)
             step = frame / self.sub_steps
@@ -50,7 +70,12 @@ class Point:
                 sub_step=frame / self.sub_steps, iterations=self.passes, membrane=self.membrane
             )
             step = frame
-        return {"solver": self.solver, "settings": settings, "solver_step": step}
+        return {
+            "solver": self.solver,
+            "settings": settings,
+            "solver_step": step,
+            **dict(self.options),
+        }
 
 
 def grid(
@@ -59,6 +84,7 @@ def grid(
     sub_steps: Sequence[int] = (),
     passes: Sequence[int] = (),
     membranes: Sequence[str] = (SPRINGS,),
+    axes: Sequence[Axis] = (),
 ) -> Iterator[Point]:
     """The points of a grid.
 
@@ -68,6 +94,7 @@ def grid(
         sub_steps: Numbers of sub-steps for all solvers; those of `GRID` where empty.
         passes: Numbers of sweeps or iterations for all solvers; the same.
         membranes: What resists strain in the plane; `relaxation` is there with springs only.
+        axes: Other parameters of the solvers.
     """
     for kind in kinds:
         for solver in solvers:
@@ -78,5 +105,60 @@ def grid(
             for membrane in membranes:
                 if solver == "relaxation" and membrane != SPRINGS:
                     continue
-                for n, k in pairs:
-                    yield Point(kind=kind, solver=solver, sub_steps=n, passes=k, membrane=membrane)
+                for options in solver_options(axes, solver):
+                    for n, k in pairs:
+                        yield Point(
+                            kind=kind,
+                            solver=solver,
+                            sub_steps=n,
+                            passes=k,
+                            membrane=membrane,
+                            options=options,
+                        )
+
+
+def preset_point(preset: str, frame: float, kind: str = "") -> Point:
+    """A preset, with the steps that a node takes, as a point.
+
+    Args:
+        preset: Its name; of `auto` this is where it begins.
+        frame: Length of the scene's frames [s]; a longer step is as long as they are.
+        kind: Colliders; empty: the preset's own.
+
+    Raises:
+        ParameterError: There is no such preset.
+    """
+    values = preset_values(preset, "cloth_node")
+    solver = values.get("solver", declarations(ClothNodeParameters)["solver"].default)
+    group = SOLVERS[solver].settings
+    settings: Any = validated(group, {k: v for k, v in values.items() if k in declarations(group)})
+    steps = _whole(frame / _step(preset))
+    if solver != "relaxation":
+        steps *= _whole(frame / steps / settings.sub_step)
+    return Point(
+        kind=kind or _preset_colliders(preset),
+        solver=solver,
+        sub_steps=steps,
+        passes=settings.sweeps if solver == "relaxation" else settings.iterations,
+        membrane=getattr(settings, "membrane", SPRINGS),
+        preset=preset,
+    )
+
+
+def _preset_colliders(preset: str) -> str:
+    """The same text as that of the grid where all that holds and meets garments is the same."""
+    values = collider_options(preset)
+    how = validated(ColliderOptions, values)
+    others = acting(how, {k: v for k, v in values.items() if k != "method"})
+    return preset if others or worn_with(preset) != worn_with(None) else how.method
+
+
+def _step(preset: str) -> float:
+    """A node's step [s]."""
+    usual = declarations(ClothNodeParameters)["solver_step"].default
+    return float(preset_values(preset, "cloth_node").get("solver_step", usual))
+
+
+def _whole(ratio: float) -> int:
+    """A whole number that is no less, but for rounding."""
+    return max(1, math.ceil(ratio - 1e-6))

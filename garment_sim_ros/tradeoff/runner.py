@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.errors import GarmentSimError
+from garment_sim_ros.tradeoff.axes import words
 from garment_sim_ros.tradeoff.metrics import (
     distance_mm,
     is_finite,
@@ -45,6 +46,8 @@ def measured(scene: str, point: Point, seconds: float, repeats: int, file: Path)
         "sub_steps": point.sub_steps,
         "passes": point.passes,
         "membrane": point.membrane,
+        "options": " ".join(words(point.options)),
+        "preset": point.preset,
         "setting": point.name,
     }
     against = Reference.load(file)

@@ -18,7 +18,7 @@ from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.geometry.transforms import transform_from
-from garment_sim_ros.params import Environment
+from garment_sim_ros.tradeoff.axes import collider_arguments
 
 VARIABLE = "GARMENT_SIM_DATA"
 """Environment variable that names the folder of real bodies and clips."""
@@ -185,7 +185,6 @@ class Staged:
         garments: The garments.
         colliders: What they meet.
         poses: World poses of the colliders at the start and after each frame.
-        environment: Outer forces.
         avatar: The body; None without.
         joints: World transforms of its joints at the same times, shape [n, 4, 4].
     """
@@ -194,7 +193,6 @@ class Staged:
     garments: tuple[Garment, ...]
     colliders: ColliderSet
     poses: tuple[ColliderPoses, ...]
-    environment: Environment
     avatar: Avatar | None = None
     joints: tuple[FloatArray, ...] = ()
 
@@ -228,7 +226,7 @@ def staged_scene(name: str, kind: str, seconds: float = 0.0) -> Staged:
 
     Args:
         name: Of the scene.
-        kind: How colliders are fitted to its body: a `method` of `ColliderOptions`.
+        kind: Colliders of its body, see `axes.collider_arguments`.
         seconds: Only so much of its motion [s]; 0: all.
 
     Raises:
@@ -239,7 +237,6 @@ def staged_scene(name: str, kind: str, seconds: float = 0.0) -> Staged:
 
 def staged(scene: Scene, kind: str = HULLS, seconds: float = 0.0) -> Staged:
     """As `staged_scene`, of a scene that has no name."""
-    environment = Environment(**scene.environment)
     length = min(seconds, scene.seconds) if seconds > 0.0 else scene.seconds
     count = max(1, round(length / scene.frame))
     if not scene.body:
@@ -249,16 +246,14 @@ def staged(scene: Scene, kind: str = HULLS, seconds: float = 0.0) -> Staged:
             garments=(Garment.sheet(**scene.sheet),),
             colliders=colliders,
             poses=(colliders.poses(),) * (count + 1),
-            environment=environment,
         )
-    avatar = Avatar.load(_found("bodies", scene.body), method=kind)
+    avatar = Avatar.load(_found("bodies", scene.body), **collider_arguments(kind))
     joints = tuple(_joints(scene, avatar, count))
     return Staged(
         scene=scene,
         garments=tuple(avatar.dress(scene.wear).garments),
         colliders=avatar.colliders,
         poses=tuple(avatar.poses(T) for T in joints),
-        environment=environment,
         avatar=avatar,
         joints=joints,
     )

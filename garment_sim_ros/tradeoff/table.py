@@ -15,7 +15,10 @@ from garment_sim_ros.sim.auto.own_front import processor
 from garment_sim_ros.tradeoff.front import front
 from garment_sim_ros.version import VERSION
 
-FIRST = ("scene", "colliders", "solver", "sub_steps", "passes", "membrane", "setting", "faults")
+FIRST = (
+    *("scene", "colliders", "solver", "sub_steps", "passes", "membrane"),
+    *("options", "preset", "setting", "faults"),
+)
 FIGURES = (
     *("trajectory_mm", "doubt_mm", "static_mm", "pierced", "inside", "penetration_mm", "gap_mm"),
     *("strain_p95", "strain_max", "rest_speed_mm_s", "dropped", "mended"),

@@ -306,6 +306,8 @@ def test_the_command_writes_all_and_goes_on_where_it_was(tmp_path, monkeypatch, 
         (["--out", "x"], "none given"),
         (["hung"], "--out"),
         (["hung", "--out", "x", "--jobs", "0"], "--jobs"),
+        (["hung", "--out", "x", "--vary", "cloth_node.rate=30"], "cloth_node.search_every"),
+        (["hung", "--out", "x", "--preset", "auto"], "--preset"),
     ],
 )
 def test_what_is_wrong_is_told(words, said, capsys, tmp_path, monkeypatch):
