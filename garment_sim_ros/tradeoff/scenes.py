@@ -100,6 +100,17 @@ _WIDE_DRESS = {
         },
     ],
 }
+_TIGHT = {
+    "version": 1,
+    "garments": [
+        {
+            "name": "tshirt",
+            "generator": "tshirt",
+            "options": {"vertices": 1503, "ease": 0.006},
+            "material": "cotton_jersey",
+        },
+    ],
+}
 
 SCENES: Mapping[str, Scene] = {
     "drape": Scene(
@@ -154,6 +165,13 @@ SCENES: Mapping[str, Scene] = {
         body=_FIG_9,
         wear=_WIDE_DRESS,
         environment={"wind": (4.0, 1.0, 0.0), "wind_drag": 1.2, "wind_lift": 0.4},
+    ),
+    "tight": Scene(
+        text="a body walks in a T-shirt that is 6 mm wider than it",
+        seconds=2.0,
+        body=_FIG_9,
+        clip="walk",
+        wear=_TIGHT,
     ),
     "spin": Scene(
         text="a standing body in a short skirt turns by 360 degrees a second",
