@@ -21,9 +21,10 @@ from garment_sim_ros.params import PRESETS
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.solver_params import MEMBRANES, SPRINGS
 from garment_sim_ros.tradeoff.axes import Axis, axis, collider_kinds
+from garment_sim_ros.tradeoff.halving import SHARES, better_half
 from garment_sim_ros.tradeoff.plots import draw
 from garment_sim_ros.tradeoff.points import Point, grid, preset_point
-from garment_sim_ros.tradeoff.runner import measured, referenced
+from garment_sim_ros.tradeoff.runner import glanced, measured, referenced
 from garment_sim_ros.tradeoff.scenes import PLAIN, SCENES, scene_named
 from garment_sim_ros.tradeoff.table import Kept, Row, machine, markdown, on_fronts, write_csv
 from garment_sim_ros.version import VERSION
@@ -32,6 +33,7 @@ EXAMPLE = "garment-sim tradeoff drape hung walk --out out/tradeoff"
 _PRESETS = tuple(name for name in PRESETS if name != "auto")
 _OF_PRESETS = "as a node runs it; the grid is measured beside them where --solver is given"
 _OF_VARY = "a parameter of solver or colliders as an axis; may be repeated"
+_OF_HALVING = "all settings on a part of the motion first, the better half on more of it"
 _COST, _ERROR = "hot_ms", "trajectory_mm"
 
 Task = tuple[Callable[..., Row], tuple[Any, ...]]
@@ -49,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--vary", type=_axis, action="append", default=[], metavar="NODE.PARAM=V,V", help=_OF_VARY)
     add("--sub-steps", type=_count, nargs="+", default=[], help="in a frame, of every solver")
     add("--passes", type=_count, nargs="+", default=[], help="sweeps or iterations in each")
+    add("--halving", action="store_true", help=_OF_HALVING)
     add("--seconds", type=float, default=0.0, help="of each motion at most; 0: all")
     add("--repeats", type=_count, default=3, help="how often each motion is timed")
     add("--jobs", type=_count, default=1, help="processes; times hold with 1 alone")
@@ -85,9 +88,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         kept = Kept(args.out / "rows.jsonl")
     told = _references(args, scenes, kept)
     doubt = {name: _doubt(of) for name, of in told.items()}
+    points, dropped = _left(args, scenes, kept)
     rows = [
         row | {"doubt_mm": doubt[_told_of(row["scene"], row["colliders"], row["membrane"])]}
-        for row in _rows(args, scenes, kept)
+        for row in _rows(args, points, kept)
     ]
     best = on_fronts(rows, _COST, _ERROR)
     result = {
@@ -96,6 +100,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "references": told,
         "front": [_name(row) for row in best],
         "rows": rows,
+        "dropped": dropped,
     }
     with staged(args.out) as stage:
         (stage / "tradeoff.json").write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
@@ -105,6 +110,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             of = [r for r in rows if (r["scene"], r["colliders"]) == (scene, kind)]
             draw(of, _as_file(f"{scene}_{kind}"), stage, cost=_COST, error=_ERROR)
     print(markdown(rows, best), end="")
+    if dropped:
+        print(f"dropped by halving: {', '.join(map(_name, dropped))}", file=sys.stderr)
     for name, why in skipped.items():
         print(f"skipped: {name}: {why}", file=sys.stderr)
     for name, told_of in told.items():
@@ -165,6 +172,10 @@ def _file(args: argparse.Namespace, scene: str, kind: str, membrane: str) -> Pat
     return Path(args.out) / (name + (f"_{args.seconds:g}s" if args.seconds else "") + ".npz")
 
 
+def _file_of(args: argparse.Namespace, scene: str, point: Point) -> Path:
+    return _file(args, scene, point.kind, point.membrane)
+
+
 def _references(
     args: argparse.Namespace, scenes: Sequence[str], kept: Kept
 ) -> dict[str, dict[str, Any]]:
@@ -188,16 +199,50 @@ def _references(
     return found
 
 
-def _rows(args: argparse.Namespace, scenes: Sequence[str], kept: Kept) -> list[Row]:
-    """Measure the rows that are missing; all that were asked for."""
+def _left(
+    args: argparse.Namespace, scenes: Sequence[str], kept: Kept
+) -> tuple[dict[str, list[Point]], list[Row]]:
+    """The settings of each scene that are measured in full, and what halving dropped."""
+    points, dropped = {scene: _points(args, scene) for scene in scenes}, []
+    for share in SHARES if args.halving else ():
+        tasks: dict[str, Task] = {
+            f"{_key(scene, point, args)} 1/{share}": (
+                glanced,
+                (scene, point, args.seconds, share, _file_of(args, scene, point)),
+            )
+            for scene, of in points.items()
+            for point in of
+        }
+        rows = dict(zip(tasks, _kept_or_done(args, tasks, kept, f"settings, 1/{share}")))
+        for scene, of in points.items():
+            left: list[Point] = []
+            for kind in dict.fromkeys(point.kind for point in of):
+                own = [point for point in of if point.kind == kind]
+                seen = [rows[f"{_key(scene, point, args)} 1/{share}"] for point in own]
+                best = better_half(seen, _COST, _ERROR)
+                left += [own[k] for k in best]
+                dropped += [row for k, row in enumerate(seen) if k not in best]
+            points[scene] = left
+    return points, dropped
+
+
+def _rows(args: argparse.Namespace, points: dict[str, list[Point]], kept: Kept) -> list[Row]:
+    """Measure the rows that are missing; all of these settings."""
     tasks: dict[str, Task] = {}
-    for scene in scenes:
-        for point in _points(args, scene):
-            file = _file(args, scene, point.kind, point.membrane)
+    for scene, of in points.items():
+        for point in of:
+            file = _file_of(args, scene, point)
             asked = (scene, point, args.seconds, args.repeats, file)
             tasks[_key(scene, point, args)] = measured, asked
+    return _kept_or_done(args, tasks, kept, "settings")
+
+
+def _kept_or_done(
+    args: argparse.Namespace, tasks: dict[str, Task], kept: Kept, text: str
+) -> list[Row]:
+    """The rows of tasks, in order; those that are kept are not done again."""
     missing = {key: task for key, task in tasks.items() if kept.get(key) is None}
-    for key, row in _done(missing, args.jobs, "settings"):
+    for key, row in _done(missing, args.jobs, text):
         kept.put(key, row)
     return [row for row in map(kept.get, tasks) if row is not None]
 

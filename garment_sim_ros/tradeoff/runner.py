@@ -1,6 +1,8 @@
 """One setting in one scene: validity first, then cost and accuracy."""
 
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ from garment_sim_ros.tradeoff.axes import words
 from garment_sim_ros.tradeoff.metrics import (
     distance_mm,
     is_finite,
+    pierced,
     rest_speed_mm_s,
     worn_figures,
 )
@@ -39,6 +42,15 @@ def referenced(scene: str, kind: str, membrane: str, seconds: float, file: Path)
 
 def measured(scene: str, point: Point, seconds: float, repeats: int, file: Path) -> Row:
     """One row of the table, from the reference in a file."""
+    return _row(scene, point, seconds, file, partial(measure, repeats=repeats))
+
+
+def glanced(scene: str, point: Point, seconds: float, share: int, file: Path) -> Row:
+    """The same of the first of `share` equal parts of the motion, cost and error only."""
+    return _row(scene, point, seconds, file, partial(glance, share=share))
+
+
+def _row(scene: str, point: Point, seconds: float, file: Path, figures: Callable[..., Row]) -> Row:
     row = {
         "scene": scene,
         "colliders": point.kind,
@@ -55,9 +67,43 @@ def measured(scene: str, point: Point, seconds: float, repeats: int, file: Path)
         return row | {"faults": ["no reference"]}
     staged = staged_scene(scene, point.kind, seconds)
     try:
-        return row | measure(staged, point, against, repeats)
+        return row | figures(staged, point, against)
     except GarmentSimError as error:
         return row | {"faults": ["refused"], "refused": " ".join(str(error).split())}
+
+
+def glance(staged: Staged, point: Point, against: Reference, share: int) -> Row:
+    """Faults, cost and error of a setting in the first segments of the motion.
+
+    Args:
+        staged: The scene.
+        point: The setting.
+        against: The scene's reference, with the same colliders.
+        share: One over the share of the segments, one of them at least.
+
+    Raises:
+        GarmentSimError: It cannot be simulated.
+    """
+    player = Player(staged, point.arguments(staged.scene.frame))
+    player.put_on(settle=False)
+    parts = segments(staged)
+    processor, squares, faults = [], [], set()
+    for start, (first, last) in list(zip(against.starts, parts))[: -(-len(parts) // share)]:
+        player.begin(start)
+        played = player.play(first, last)
+        processor += played.processor
+        if not is_finite(played.paths):
+            faults.add("not finite")
+            break
+        if pierced(staged, played.paths) > 0.0:
+            faults.add("pierced")
+        whole = {name: x[first : last + 1] for name, x in against.paths.items()}
+        squares.append((distance_mm(played.paths, whole) ** 2, last - first))
+    figures: Row = {"hot_ms": _plain(1e3 * float(np.median(processor)))}
+    if squares:
+        mean = sum(s * n for s, n in squares) / sum(n for _, n in squares)
+        figures["trajectory_mm"] = _plain(float(np.sqrt(mean)))
+    return {"faults": sorted(faults), **figures}
 
 
 def measure(staged: Staged, point: Point, against: Reference, repeats: int = 3) -> Row:
