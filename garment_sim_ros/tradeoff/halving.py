@@ -10,34 +10,37 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from garment_sim_ros.tradeoff.front import front
-
+_NEAR = 1.25
+"""Points that are no farther from the front are never dropped: a part of a motion tells no more exactly."""
 SHARES = (4, 2)
 """Of each round: one over the share of a motion's segments that is run."""
 
 
 def behind(cost: ArrayLike, error: ArrayLike) -> NDArray[np.float64]:
-    """How many times both must shrink for a point to be on the front; 1 for those on it.
+    """How far points are from the front: 1 for those on it.
 
     Args:
         cost: Of each point, above 0, shape [n].
-        error: Of each point, shape [n].
+        error: Of each point, above 0, shape [n].
 
     Returns:
-        ``max_j min(c / c_j, e / e_j)`` over points j of the front, shape [n]; infinite for points
+        How many times the error is that of the best point as cheap, or the cost is that of the
+        cheapest point as good, what is less: ``min(e / e_j, c / c_i)`` with the least ``e_j``
+        where ``c_j <= c`` and the least ``c_i`` where ``e_i <= e``, shape [n]; infinite for points
         that are not finite.
     """
     c, e = np.asarray(cost, np.float64), np.asarray(error, np.float64)
-    on = list(front(c, e))
-    least = np.finfo(np.float64).tiny
-    ratios = [np.minimum(c / max(c[j], least), e / max(e[j], least)) for j in on]
-    found = np.max(ratios, axis=0) if on else np.full(len(c), np.inf)
-    found[on] = 1.0
-    return np.where(np.isfinite(c) & np.isfinite(e), np.maximum(found, 1.0), np.inf)
+    valid = np.isfinite(c) & np.isfinite(e)
+    found = np.full(len(c), np.inf)
+    for k in np.flatnonzero(valid):
+        best = e[valid & (c <= c[k])].min()
+        cheapest = c[valid & (e <= e[k])].min()
+        found[k] = min(e[k] / best, c[k] / cheapest)
+    return found
 
 
 def better_half(rows: Sequence[dict[str, Any]], cost: str, error: str) -> list[int]:
-    """Indices of the rows to go on with, in order: half of them, and all on the front.
+    """Indices of the rows to go on with, in order: half of them, and all near the front.
 
     Args:
         rows: With ``faults``, and cost and error where there are no faults.
@@ -50,5 +53,5 @@ def better_half(rows: Sequence[dict[str, Any]], cost: str, error: str) -> list[i
     ]
     far = behind(*values)
     ranked = np.argsort(far, kind="stable").tolist()
-    most = max(-(-len(rows) // 2), int((far == 1.0).sum()))
+    most = max(-(-len(rows) // 2), int((far <= _NEAR).sum()))
     return sorted(k for k in ranked[:most] if np.isfinite(far[k]))

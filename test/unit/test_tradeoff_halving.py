@@ -24,10 +24,10 @@ def row(cost, error, *faults):
 
 
 class TestBetterHalf:
-    def test_points_on_the_front_are_1_and_others_by_how_much_they_must_shrink(self):
+    def test_points_on_the_front_are_1_and_others_as_much_worse_or_dearer(self):
         cost, error = [1.0, 2.0, 4.0, 4.0, 3.0], [8.0, 4.0, 1.0, 8.0, np.nan]
-        # (4, 8) is on the front at a half: then (2, 4) is no better.
-        np.testing.assert_allclose(behind(cost, error), [1.0, 1.0, 1.0, 2.0, np.inf])
+        # (4, 8) has 8 times the error of the third, and 4 times the cost of the first.
+        np.testing.assert_allclose(behind(cost, error), [1.0, 1.0, 1.0, 4.0, np.inf])
 
     def test_equal_points_are_both_as_good_and_nothing_is_nothing(self):
         np.testing.assert_allclose(behind([1.0, 1.0], [2.0, 2.0]), [1.0, 1.0])
@@ -36,6 +36,10 @@ class TestBetterHalf:
     def test_the_whole_front_is_kept_even_if_it_is_more_than_half(self):
         rows = [row(1, 8), row(2, 4), row(4, 2), row(8, 1), row(9, 9), row(8, 8)]
         assert better_half(rows, "hot_ms", "trajectory_mm") == [0, 1, 2, 3]
+
+    def test_what_is_hardly_behind_the_front_is_kept_too(self):
+        rows = [row(1, 8), row(8, 1), row(8.8, 1.3), row(9, 9), row(10, 10)]
+        assert better_half(rows, "hot_ms", "trajectory_mm") == [0, 1, 2]
 
     def test_what_fails_is_dropped_however_fast(self):
         rows = [row(0.1, 0.1, "pierced"), row(1, 1), row(2, 2), row(3, 3), {"faults": ["refused"]}]
