@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _NEAR = 1.25
-"""Points that are no farther from the front are never dropped: a part of a motion tells no more exactly."""
+"""Points no farther from the front are never dropped: a part of a motion tells no more exactly."""
 SHARES = (4, 2)
 """Of each round: one over the share of a motion's segments that is run."""
 
