@@ -10,6 +10,7 @@ micro-gravity, then left to drape. Three phases, each a `Simulation` on the body
    fabric's own.
 """
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -47,7 +48,7 @@ _LONGEST_SEWING = 4.0
 _QUIET = 0.01
 """RMS speed of a garment at rest [m/s]."""
 _FALLING = 0.5
-"""RMS speed from which on it has come off the body [m/s]: no more is tried."""
+"""Speed at which a panel has come off the body, or a garment will not come to rest [m/s]."""
 _LONGEST_QUIET = 4.0
 """Longest time that a garment may take to come to rest after it was settled [s]."""
 _WATCHED = 0.5
@@ -126,7 +127,8 @@ def sew(
         tell: Is told the phase and how far it is.
 
     Raises:
-        GeometryError: A seam does not close.
+        GeometryError: A seam does not close, a panel falls off the body, or the garment does not
+            come to rest.
     """
     closed = _close(pieces, placed, wearer, material, tell)
     gaps = seam_gaps(pieces, closed)
@@ -156,8 +158,9 @@ def _draped(
         whole = replace(_whole(pieces, x, wearer, material), self_collision=_THIN)
         simulation = Simulation(_banded(pieces, whole), wearer.colliders, preset=PRESET)
         simulation.reset(wearer.poses)
-        x, rms, fastest = _come_to_rest(simulation, wearer.poses)
-        if rms > _FALLING or not len(self_intersections(x, pieces.sewn_triangles)):
+        x, rms, fastest, sinking = _come_to_rest(simulation, wearer.poses)
+        _check_worn(pieces, rms, sinking)
+        if not len(self_intersections(x, pieces.sewn_triangles)):
             break
     tell("draping", 1.0)
     return x, rms, fastest
@@ -257,23 +260,45 @@ def _check_closed(pieces: Pieces, gaps: tuple[float, ...]) -> None:
         )
 
 
-def _come_to_rest(simulation: Simulation, poses: ColliderPoses) -> tuple[FloatArray, float, float]:
+def _check_worn(pieces: Pieces, rms: float, sinking: FloatArray) -> None:
+    name = f"pattern {pieces.pattern.name!r}"
+    panels = [*pieces.pattern.panels]
+    speeds = [sinking[pieces.welded[pieces.panel == k]].mean() for k in range(len(panels))]
+    first = int(np.argmax(speeds))
+    if speeds[first] > _FALLING:
+        raise GeometryError(
+            f"{name}: panel {panels[first]!r} falls off the body at {speeds[first]:.1f} m/s; "
+            "allowed: what shoulders or hips hold, is sewn to that, or has edges labelled "
+            f"{WAIST!r} (another unit of length, or another body?)"
+        )
+    if rms > _FALLING:
+        raise GeometryError(
+            f"{name} does not come to rest: it moves at {rms:.1f} m/s; allowed: sides of stitches "
+            "of about the same length, panels that fit the body"
+        )
+
+
+def _come_to_rest(
+    simulation: Simulation, poses: ColliderPoses
+) -> tuple[FloatArray, float, float, FloatArray]:
     """Lets the garment move as it will until it does not.
 
     Returns:
         Where it is then [m], shape [v, 3]; its highest RMS speed in the last while, from frame to
-        frame, and that of the fastest vertex [m/s].
+        frame, and that of the fastest vertex [m/s]; how fast each vertex sank meanwhile [m/s],
+        shape [v].
     """
     watched = round(_WATCHED / _STEP)
     speeds: list[tuple[float, float]] = []
-    x = _positions(simulation)
+    path = deque([_positions(simulation)], maxlen=watched + 1)
     for _ in range(round(_LONGEST_QUIET / _STEP)):
         simulation.advance(poses, poses, _STEP)
-        before, x = x, _positions(simulation)
+        path.append(_positions(simulation))
         # What quivers within a step, pinched, and stays where it is, is at rest.
-        speed = np.linalg.norm(x - before, axis=1) / _STEP
+        speed = np.linalg.norm(path[-1] - path[-2], axis=1) / _STEP
         speeds.append((float(np.sqrt((speed**2).mean())), float(speed.max())))
         if len(speeds) >= watched and max(rms for rms, _ in speeds[-watched:]) < _QUIET:
             break
     rms, fastest = np.max(speeds[-watched:], axis=0)
-    return x, float(rms), float(fastest)
+    sinking = (path[0] - path[-1])[:, 2] / _WATCHED
+    return path[-1], float(rms), float(fastest), sinking
