@@ -1,4 +1,4 @@
-"""Writes a clip of poses that clothes are hard to wear in, as BVH: half a minute, made here.
+"""Writes a clip of poses that clothes are hard to wear in, as BVH: a minute, made here.
 
     python bench/exercises.py FILE.bvh [--only NAME ...] [--speed S]
     python bench/worn.py --clip FILE.bvh --body mannequin:height=1.75 --pictures

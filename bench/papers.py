@@ -28,6 +28,7 @@ from garment_sim_ros.contact.papers.outer_map import outer_map
 from garment_sim_ros.geometry.obb import oriented_box
 from garment_sim_ros.params import ColliderOptions
 from garment_sim_ros.presets import chosen, collider_options
+from garment_sim_ros.tradeoff.scenes import SCENES
 
 sys.path.insert(0, str(Path(__file__).parent))
 from falling import fall
@@ -37,7 +38,7 @@ from presets import Clip, Wearer
 DELTA = 0.005
 BODY = "mannequin:vertices=1425"
 SHORT, LONG = "tshirt_short_skirt", "tshirt_long_skirt"
-TIGHT = Path(__file__).parent / "tight.yaml"
+TIGHT = SCENES["tight"].wear
 
 
 def hull(_: argparse.Namespace) -> None:
@@ -121,7 +122,7 @@ def stand(options: argparse.Namespace) -> None:
     """Figs. 9 and 10 of the second paper."""
     plain = ["cloth_node.contact=rays", "cloth_node.response=surface"]
     wind = [f"cloth_node.{k}" for k in ("wind_drag=1.2", "wind_lift=0.4", "gust=1.0")]
-    for figure, outfit in (("Fig. 9, long skirt", LONG), ("Fig. 10, tight shirt", str(TIGHT))):
+    for figure, outfit in (("Fig. 9, long skirt", LONG), ("Fig. 10, tight shirt", TIGHT)):
         for how, preset, words in (
             ("reflection", "gong2018", []),
             ("from the centre", "gong2018", plain),

@@ -18,7 +18,7 @@ import argparse
 import os
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -73,7 +73,7 @@ Change = Callable[[Body, ColliderSet], ColliderSet]
 @cache
 def dressed(
     body: str,
-    outfit: str,
+    outfit: str | Mapping[str, Any],
     options: ColliderOptions,
     attachments: str,
     skinning: str,
@@ -96,7 +96,7 @@ class Wearer:
         clip: Clip | None,
         seconds: float,
         body: str,
-        outfit: str = OUTFIT,
+        outfit: str | Mapping[str, Any] = OUTFIT,
         change: Change | None = None,
     ) -> None:
         options = validated(ColliderOptions, choice.values("collider_node", ColliderOptions))

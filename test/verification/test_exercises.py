@@ -38,16 +38,19 @@ def clip(tmp_path, monkeypatch):
     return make
 
 
-def test_the_lowest_joint_stands_on_the_floor():
-    for name, pose in exercises.POSES.items():
-        turns = exercises.turns(pose)
-        at, turned = {None: np.zeros(3)}, {None: exercises.Rotation.identity()}
-        for joint, (parent, offset) in exercises.JOINTS.items():
-            at[joint] = at[parent] + turned[parent].apply(offset)
-            turned[joint] = turned[parent] * turns[joint]
-        up = exercises.height(turns)
-        over = [up + at[joint][1] - least for joint, least in exercises.FLOOR.items()]
-        assert min(over) == pytest.approx(0.0, abs=1e-12), name
+@pytest.mark.parametrize(
+    ("pose", "height"),
+    [
+        ({}, 0.04 + 0.42 + 0.41 + 0.09),  # straight legs over the ankles
+        ({"UpLeg": (-90, 0, 0)}, 0.04 + 0.09),  # legs ahead, on the floor; hips over the ankles
+        ({"UpLeg": (0, 0, 90)}, 0.04 + 0.09),
+        ({"UpLeg": (-90, 0, 0), "Leg": (90, 0, 0)}, 0.04 + 0.41 + 0.09),
+        ({"Leg": (110, 0, 0)}, 0.04 + 0.42 + 0.06),  # on the knees
+        ({"UpLeg": (-180, 0, 0)}, 0.12),  # nothing is lower than the hips
+    ],
+)
+def test_the_lowest_joint_stands_on_the_floor(pose, height):
+    assert exercises.height(exercises.turns(pose)) == pytest.approx(height, abs=1e-12)
 
 
 def test_a_clip_begins_and_ends_standing_and_is_in_the_pose_between(clip, avatar):

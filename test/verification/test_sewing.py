@@ -9,6 +9,7 @@ from simple_patterns import tube
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.materials import PRESETS, material_from
+from garment_sim_ros.garment.patterns import sewing
 from garment_sim_ros.garment.patterns.gates import LIMITS, gates
 from garment_sim_ros.garment.patterns.ironing import ironed, self_intersections
 from garment_sim_ros.garment.patterns.making import DRAFTS, Model, make
@@ -143,6 +144,29 @@ def test_a_tube_too_narrow_for_the_body_is_not_called_done(model):
         GeometryError, match=r"pattern 'tube': panel '.*' falls off the body at \d"
     ):
         sew(pieces, placed, model, Material())
+
+
+@pytest.mark.parametrize(
+    ("rms", "sinks", "words"),
+    [
+        (0.4, 0.4, ""),
+        (0.6, 0.4, "pattern 'tube' does not come to rest: it moves at 0.6 m/s"),
+        (0.4, 0.6, "pattern 'tube': panel 'back' falls off the body at 0.6 m/s"),
+    ],
+)
+def test_what_falls_or_quivers_is_refused_by_name(rms, sinks, words):
+    """The back sinks as fast as that, less where it is sewn to the front, which stays."""
+    pieces = cut(tube(), 0.1)
+    sinking = np.zeros(pieces.welded.max() + 1)
+    sinking[pieces.welded[pieces.panel == 1]] = sinks
+    sinking[pieces.welded[pieces.panel == 0]] = 0.0
+    of_back = sinking[pieces.welded[pieces.panel == 1]]
+    sinking *= sinks / of_back.mean()
+    if not words:
+        sewing._check_worn(pieces, rms, sinking)
+        return
+    with pytest.raises(GeometryError, match=words):
+        sewing._check_worn(pieces, rms, sinking)
 
 
 def test_a_pattern_far_from_the_body_is_refused(model):
