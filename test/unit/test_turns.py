@@ -1,5 +1,6 @@
 """Things that take turns on a few threads."""
 
+import queue
 import threading
 import time
 
@@ -47,25 +48,48 @@ def running():
         turns.end()
 
 
-def spin(seconds):
-    end = time.thread_time() + seconds
-    while time.thread_time() < end:
-        pass
+class Held:
+    """Due at once, again and again; each of its turns lasts until it is let go."""
+
+    def __init__(self, began):
+        self._began = began
+        self.go = threading.Semaphore(0)
+        self._entered = threading.Semaphore(0)
+
+    def ahead(self):
+        self._entered.release()
+        return 0
+
+    def turn(self):
+        assert self._entered.acquire(timeout=LIMIT)
+        self._began.put(self)
+        assert self.go.acquire(timeout=LIMIT)
+
+    def let_go(self):
+        """End its turn; returns when it waits for the next."""
+        self.go.release()
+        assert self._entered.acquire(timeout=LIMIT)
+        self._entered.release()
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_all_have_as_many_turns_where_there_is_too_much_to_do(running, threads):
-    """Whether a turn takes long or not: none is left out, none comes twice before another."""
-    things = [Thing(lambda n=n: spin(n * 1e-3), most=30) for n in range(1, 6)]
-    turns = running(threads, *things)
+def test_all_have_as_many_turns_where_there_is_too_much_to_do(running, threads, monkeypatch):
+    """None is left out, none comes twice before another, whatever the threads are held up by."""
+    monkeypatch.setattr("garment_sim_ros.ros.turns._LONG", 10**18)  # no thread more
+    began = queue.SimpleQueue()
+    things = [Held(began) for _ in range(5)]
+    running(threads, *things)
+    inside, order = [], []
+    while len(order) < 60:
+        while len(inside) < threads:
+            inside.append(began.get(timeout=LIMIT))
+        order.append(things.index(inside[0]))
+        inside.pop(0).let_go()
+    # Of two that begin at the same time either may be seen first.
+    counts = [[order[:n].count(i) for i in range(5)] for n in range(1, 1 + len(order))]
+    assert max(max(c) - min(c) for c in counts) <= threads
     for thing in things:
-        assert thing.enough.wait(LIMIT)
-    turns.end()
-    assert turns.failure is None
-    counts = [thing.turns for thing in things]
-    assert min(counts) >= 30
-    # Two threads take two at a time, of which one may end sooner.
-    assert max(counts) - min(counts) <= (2 if threads == 1 else 0.5 * min(counts))
+        thing.go.release(1000)
 
 
 def test_a_turn_that_takes_long_holds_nobody_up(running):
