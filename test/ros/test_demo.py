@@ -98,9 +98,16 @@ def test_demo_leaves_bag_figures_and_pictures(tmp_path):
     }
 
 
-@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("moment", ["starting", "recording"])
-def test_interrupted_demo_leaves_nothing_behind(tmp_path, sign, moment):
+@pytest.mark.parametrize(
+    ("moment", "sign"),
+    [
+        ("starting", signal.SIGTERM),
+        pytest.param("starting", signal.SIGINT, marks=pytest.mark.slow),
+        ("recording", signal.SIGINT),
+        pytest.param("recording", signal.SIGTERM, marks=pytest.mark.slow),
+    ],
+)
+def test_interrupted_demo_leaves_nothing_behind(tmp_path, moment, sign):
     out = tmp_path / "a" / "out"
     demo = subprocess.Popen([*COMMAND, "--out", str(out)], stderr=subprocess.PIPE)
     limit = time.monotonic() + 180.0

@@ -45,7 +45,9 @@ def on(bag, ending):
         ]
 
 
-@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize(
+    "order", [pytest.param("the cloth first", marks=pytest.mark.slow), "the player first"]
+)
 def test_the_cloth_of_the_nodes_is_that_of_simulate(
     start_node, make_probe, until, tmp_path, order
 ):

@@ -46,9 +46,16 @@ def is_left(file):
     return True
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("when", ["importing", "making nodes", "dressed"])
-def test_an_end_leaves_nothing(command, make_probe, until, outfit, number, when):
+@pytest.mark.parametrize(
+    ("when", "number"),
+    [
+        *(("importing", number) for number in (signal.SIGINT, signal.SIGTERM)),
+        *(("making nodes", number) for number in (signal.SIGINT, signal.SIGTERM)),
+        ("dressed", signal.SIGINT),
+        pytest.param("dressed", signal.SIGTERM, marks=pytest.mark.slow),
+    ],
+)
+def test_an_end_leaves_nothing(command, make_probe, until, outfit, when, number):
     namespace = f"/ends_{when.replace(' ', '_')}_{number.name.lower()}"
     probe = make_probe(namespace)
     ours = segments(os.getpid())

@@ -113,7 +113,7 @@ def test_jumps(playing, by):
     playing.assert_worn(before)
 
 
-@pytest.mark.parametrize("length", [0.8, 1.5])
+@pytest.mark.parametrize("length", [0.8, pytest.param(1.5, marks=pytest.mark.slow)])
 def test_loops_with_a_seam(playing, length):
     before = playing.fresh()
     go_round(playing, length)

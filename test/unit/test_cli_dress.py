@@ -111,8 +111,9 @@ def test_edges_of_a_mesh_are_shorter_where_it_bends(tmp_path, capsys, data_file)
     picture = tmp_path / "p.png"
     for outfit in (out, own):
         shown = ["info", "--body", str(body), "--outfit", str(outfit), "--preview", str(picture)]
-        assert main(shown) == 0
-        assert f": {made} vertices" in capsys.readouterr().out
+        code, told = main(shown), capsys.readouterr()
+        assert code == 0, told.err
+        assert f": {made} vertices" in told.out
     own.write_text(own.read_text().replace("edge_length: 0.03", "edge_length: 0.005"))
     assert main(["info", "--body", str(body), "--outfit", str(own)]) == 2
     said = capsys.readouterr().err

@@ -153,7 +153,9 @@ def test_an_input_that_leads_to_nothing_leaves_nothing(words, tmp_path, capsys):
     assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())
 
 
-@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "sign", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGKILL]
+)
 def test_a_process_that_was_interrupted_is_gone_on_with(tmp_path, sign):
     """From its last whole second, to the same bytes."""
     outfit = tmp_path / "outfit.yaml"

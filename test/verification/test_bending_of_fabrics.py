@@ -68,6 +68,7 @@ def test_fabrics_hang_as_their_rigidity_says(fabric, length, drape):
     assert drape_coefficient("rows", 0.01, material) == pytest.approx(drape, abs=0.07)
 
 
+@pytest.mark.slow
 def test_a_fine_skirt_does_not_flutter():
     """With passes over the hinges 0.84 rad of swing apart its hem curled and whipped."""
     avatar = gs.Avatar.load("mannequin")
