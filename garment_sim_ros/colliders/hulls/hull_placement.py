@@ -90,7 +90,8 @@ def _fill_conditions(x, faces, inner, link, outer, edges, touching, planes):
         known = touching[outer[k]]
         if known[0] != known[0] and not _touch(inner, a, b, n, known):
             return -1
-        planes[count] = known
+        for i in range(4):
+            planes[count, i] = known[i]
         count += 1
         # Above the plane through three consecutive outline vertices.
         _cross(a, b, c, n)

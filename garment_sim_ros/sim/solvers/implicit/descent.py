@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from garment_sim_ros.geometry.copying import copy
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.sim.motion import move_pins
 from garment_sim_ros.sim.solvers.implicit.cholesky import factorise
@@ -94,7 +95,7 @@ def begin_sub_step(moving, pins, push, keep, dt):
     """
     x, v, x_start, free = moving.x, moving.v, moving.x_start, moving.share.size
     predict_with_share(x[:free], v[:free], x_start, moving.behind, moving.share, push, keep, dt)
-    x_start[free:] = x[free:]
+    copy(x[free:], x_start[free:])
     move_pins(
         x[free:],
         v[free:],

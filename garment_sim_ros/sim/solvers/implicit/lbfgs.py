@@ -7,6 +7,7 @@ initial matrix is that of projective dynamics.
 
 import numpy as np
 
+from garment_sim_ros.geometry.copying import copy
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.sim.solvers.implicit.cholesky import solve_factorised
 
@@ -43,7 +44,7 @@ def descend(force, fronts, factor, scratch, past, count, direction):
         count: Number of steps that it has; the latest are kept.
         direction: Output [m], shape [3, n].
     """
-    direction[:] = force
+    copy(force, direction)
     kept = min(count, past.step.shape[0])
     for i in range(count - 1, count - 1 - kept, -1):
         c = i % past.step.shape[0]
