@@ -2,12 +2,12 @@
 
     python bench/falling.py [--frames 240] [--contact union|rays] [--json]
 
-A cloth of 50 x 50 particles, 1 m x 1 m, from 3 cm above the lying model of `hulls.py` (508
-triangles, hull simplified from 224 to at most 116 faces with delta 0.005); `relaxation` with three
-sweeps, fixed steps of 1/180 s, one thread, processor time; F is three plain C sweeps over its
-springs, timed between the frames. The paper: 68 steps per second, 17 % of
-them for collision, which is here contact and the swept test before it. Penetration is how deep
-particles, middles of edges and of triangles are in the model's own hull, without delta and
+A cloth of 50 x 50 particles, 1 m x 1 m, from 3 cm above the lying model of
+`tradeoff/waisted_limb.py` (508 triangles, hull simplified from 224 to at most 116 faces with delta
+0.005); `relaxation` with three sweeps, fixed steps of 1/180 s, one thread, processor time; F is
+three plain C sweeps over its springs, timed between the frames. The paper: 68 steps per second,
+17 % of them for collision, which is here contact and the swept test before it. Penetration is how
+deep particles, middles of edges and of triangles are in the model's own hull, without delta and
 thickness, at the end of every frame from the first contact on.
 """
 
@@ -22,8 +22,6 @@ from typing import Any
 
 import numpy as np
 
-from garment_sim_ros.colliders.hulls.hull import convex_hull, inflate_vertices
-from garment_sim_ros.colliders.hulls.hull_simplify import Simplification, simplify_hull
 from garment_sim_ros.constants import USUAL_STEP
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.garment.garment import Garment
@@ -31,27 +29,20 @@ from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers.relaxation import step as relaxation
+from garment_sim_ros.tradeoff.waisted_limb import lying_hulls
 
 sys.path.insert(0, str(Path(__file__).parent))
 from drape import Unit
-from hulls import fig8_model
 from springs import grid
 
 STEP = USUAL_STEP
 FRAME = 3 * STEP
-DELTA = 0.005
 
 
 def fall(frames: int, contact: str = "union") -> dict[str, Any]:
     """Let it fall and measure; with the contact "rays" all of it is as printed."""
     printed = contact == "rays"
-    x, _ = fig8_model()
-    x = x[:, [2, 1, 0]] * [1.0, 1.0, -1.0]  # lies along x
-    inner = convex_hull(x)
-    how = Simplification(
-        max_faces=116, outside=np.inf if printed else 2 * DELTA, triangles_only=printed
-    )
-    hull = simplify_hull(inflate_vertices(inner, DELTA), inner, how)
+    inner, hull = lying_hulls(printed=printed)
     vertices, triangles = grid(50)
     top = float(hull.vertices[:, 2].max())
     vertices = vertices - [0.5, 0.5, 0.0] + [0.0, 0.0, top + 0.03]

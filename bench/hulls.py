@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from scipy.spatial import ConvexHull
 
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
@@ -44,6 +43,7 @@ from garment_sim_ros.geometry.obb import oriented_box
 from garment_sim_ros.geometry.transforms import invert_transform
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
+from garment_sim_ros.tradeoff.waisted_limb import waisted_limb
 
 BODIES = (
     "mannequin",
@@ -82,23 +82,9 @@ def median(
     return float(np.median(times[1:]))
 
 
-def fig8_model() -> tuple[np.ndarray, np.ndarray]:
-    """A waisted limb: 256 evenly spread directions, radii that swell and shrink along it."""
-    i = np.arange(256) + 0.5
-    polar, turn = np.arccos(1 - 2 * i / 256), np.pi * (1 + 5**0.5) * i
-    ball = np.column_stack(
-        [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)]
-    )
-    triangles = ConvexHull(ball).simplices
-    radius = 1 + 0.2 * np.cos(3.5 * polar) + 0.3 * np.sin(4 * turn) * np.sin(polar)
-    x = ball * [0.5, 0.45, 1.6] * np.column_stack([radius, radius, np.ones(256)])
-    edges = x[triangles] - np.roll(x[triangles], 1, axis=1)
-    return x * 0.084 / np.linalg.norm(edges, axis=-1).mean(), triangles
-
-
 def fig8() -> dict[str, Any]:
     """Faces against delta, floor and volume; outer map of 96 cells."""
-    x, triangles = fig8_model()
+    x, triangles = waisted_limb()
     hull = convex_hull(x)
     print(f"model {len(triangles)} triangles, hull {len(hull.faces)} faces (paper: 508, 224)")
     rows = []
@@ -180,7 +166,7 @@ def _all_planes(planes, points, out):
 
 def queries() -> dict[str, Any]:
     """Nanoseconds per point against the number of faces."""
-    x, _ = fig8_model()
+    x, _ = waisted_limb()
     hull = convex_hull(x)
     start = inflate_vertices(hull, 0.005)
     results = {}

@@ -29,13 +29,12 @@ from garment_sim_ros.geometry.obb import oriented_box
 from garment_sim_ros.params import ColliderOptions
 from garment_sim_ros.presets import chosen, collider_options
 from garment_sim_ros.tradeoff.scenes import SCENES
+from garment_sim_ros.tradeoff.waisted_limb import DELTA, waisted_limb
 
 sys.path.insert(0, str(Path(__file__).parent))
 from falling import fall
-from hulls import fig8_model
 from presets import Clip, Wearer
 
-DELTA = 0.005
 BODY = "mannequin:vertices=1425"
 SHORT, LONG = "tshirt_short_skirt", "tshirt_long_skirt"
 TIGHT = SCENES["tight"].wear
@@ -43,7 +42,7 @@ TIGHT = SCENES["tight"].wear
 
 def hull(_: argparse.Namespace) -> None:
     """Fig. 8 a to d of the first paper."""
-    points, _ = fig8_model()
+    points, _ = waisted_limb()
     inner = convex_hull(points)
     start = inflate_vertices(inner, DELTA)
     for name, alone in (("triangles alone, as printed", True), ("as by default", False)):

@@ -1,26 +1,26 @@
 """`tradeoff`: measures what accuracy costs, setting by setting."""
 
 import argparse
-import contextlib
 import json
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
 from garment_sim_ros.cli.calibrate import run_calibration
-from garment_sim_ros.cli.processes import over_processes
-from garment_sim_ros.cli.progress import progress
+from garment_sim_ros.cli.kept_tasks import Task, done, kept_in, kept_or_done
+from garment_sim_ros.cli.prices import run_prices
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.collider_params import HULLS, METHODS
-from garment_sim_ros.errors import GarmentSimError, InputFileError, ParameterError
+from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.params import PRESETS
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.solver_params import MEMBRANES, SPRINGS
 from garment_sim_ros.tradeoff.axes import Axis, axis, collider_kinds
+from garment_sim_ros.tradeoff.features import FEATURES
 from garment_sim_ros.tradeoff.halving import SHARES, better_half
 from garment_sim_ros.tradeoff.plots import draw
 from garment_sim_ros.tradeoff.points import Point, grid, preset_point
@@ -34,9 +34,8 @@ _PRESETS = tuple(name for name in PRESETS if name != "auto")
 _OF_PRESETS = "as a node runs it; the grid is measured beside them where --solver is given"
 _OF_VARY = "a parameter of solver or colliders as an axis; may be repeated"
 _OF_HALVING = "all settings on a part of the motion first, the better half on more of it"
+_OF_PRICES = "what each feature, or each of these, costs and removes beside --preset or balanced"
 _COST, _ERROR = "hot_ms", "trajectory_mm"
-
-Task = tuple[Callable[..., Row], tuple[Any, ...]]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,6 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--seconds", type=float, default=0.0, help="of each motion at most; 0: all")
     add("--repeats", type=_count, default=3, help="how often each motion is timed")
     add("--jobs", type=_count, default=1, help="processes; times hold with 1 alone")
+    add("--prices", choices=tuple(FEATURES), nargs="*", metavar="FEATURE", help=_OF_PRICES)
     add("--calibrate", action="store_true", help="this machine's own front, for preset auto")
     add("--list", action="store_true", help="name the scenes and run none")
 
@@ -84,8 +84,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if args.out is None:
         raise ParameterError("--out", "not given", "needed: a folder to write into")
     scenes, skipped = _scenes(args.scene)
-    with _made(args.out):
-        kept = Kept(args.out / "rows.jsonl")
+    if args.prices is not None:
+        return run_prices(args, scenes, skipped)
+    kept = kept_in(args.out)
     told = _references(args, scenes, kept)
     doubt = {name: _doubt(of) for name, of in told.items()}
     points, dropped = _left(args, scenes, kept)
@@ -189,7 +190,7 @@ def _references(
         tasks[f"{VERSION} {file.name}"] = referenced, (*each, args.seconds, file)
     # Its file, too, must be there.
     tasks = {k: t for k, t in tasks.items() if kept.get(k) is None or not t[1][-1].exists()}
-    for key, row in _done(tasks, args.jobs, "references"):
+    for key, row in done(tasks, args.jobs, "references"):
         kept.put(key, row)
     found = {}
     for each in wanted:
@@ -213,7 +214,7 @@ def _left(
             for scene, of in points.items()
             for point in of
         }
-        rows = dict(zip(tasks, _kept_or_done(args, tasks, kept, f"settings, 1/{share}")))
+        rows = dict(zip(tasks, kept_or_done(tasks, kept, args.jobs, f"settings, 1/{share}")))
         for scene, of in points.items():
             left: list[Point] = []
             for kind in dict.fromkeys(point.kind for point in of):
@@ -234,51 +235,10 @@ def _rows(args: argparse.Namespace, points: dict[str, list[Point]], kept: Kept) 
             file = _file_of(args, scene, point)
             asked = (scene, point, args.seconds, args.repeats, file)
             tasks[_key(scene, point, args)] = measured, asked
-    return _kept_or_done(args, tasks, kept, "settings")
-
-
-def _kept_or_done(
-    args: argparse.Namespace, tasks: dict[str, Task], kept: Kept, text: str
-) -> list[Row]:
-    """The rows of tasks, in order; those that are kept are not done again."""
-    missing = {key: task for key, task in tasks.items() if kept.get(key) is None}
-    for key, row in _done(missing, args.jobs, text):
-        kept.put(key, row)
-    return [row for row in map(kept.get, tasks) if row is not None]
+    return kept_or_done(tasks, kept, args.jobs, "settings")
 
 
 def _key(scene: str, point: Point, args: argparse.Namespace) -> str:
     """What makes two rows the same."""
     asked = (VERSION, scene, *astuple(point), args.seconds, args.repeats, args.jobs)
     return " ".join(map(str, asked))
-
-
-def _done(tasks: dict[str, Task], jobs: int, text: str) -> Iterator[tuple[str, Row]]:
-    """Results as they come."""
-    if jobs == 1 or len(tasks) < 2:
-        for key, (call, asked) in progress(tasks.items(), text, len(tasks)):
-            yield key, call(*asked)
-        return
-    keys = list(tasks)
-    with contextlib.closing(over_processes(_called, list(tasks.values()), jobs)) as done:
-        for k, row in progress(done, text, len(tasks)):
-            if isinstance(row, GarmentSimError):
-                raise row
-            yield keys[k], row
-
-
-def _called(task: Task) -> Row:
-    call, asked = task
-    return call(*asked)
-
-
-@contextlib.contextmanager
-def _made(folder: Path) -> Iterator[None]:
-    """The folder is there, or the error says why not."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        yield
-    except OSError as error:
-        raise InputFileError(
-            f"--out {folder}", error.strerror or str(error), "allowed: a folder to write into"
-        ) from None

@@ -4,6 +4,7 @@ A path is the world positions of one garment's vertices in every frame [m], shap
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +31,10 @@ def distance_mm(here: Paths, there: Paths) -> float:
     return 1e3 * float(np.sqrt(np.concatenate(squares).mean()))
 
 
-def largest_distance_mm(here: Paths, there: Paths) -> float:
-    """The largest distance of a vertex in any frame [mm]."""
-    return 1e3 * float(np.sqrt(max(_square(here[n], there[n]).max() for n in here)))
+def distances_mm(here: Paths, there: Paths) -> NDArray[np.float64]:
+    """Distances of all vertices in all frames of two runs [mm]."""
+    squares = [_square(here[name], there[name]).ravel() for name in here]
+    return np.asarray(1e3 * np.sqrt(np.concatenate(squares)))
 
 
 def _square(a: Path, b: Path) -> NDArray[np.float64]:
@@ -68,11 +70,10 @@ def worn_figures(staged: Staged, paths: Paths) -> dict[str, float]:
         paths: Frames of its motion, the first at the start; finite.
 
     Returns:
-        ``pierced``, ``inside``, ``penetration_mm``, ``gap_mm``, ``strain_p95``, ``strain_max``.
+        ``pierced``, ``inside``, ``penetration_mm``, ``gap_mm``, ``crossed``, ``strain_p95``,
+        ``strain_max``.
     """
-    meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in staged.garments}
-    every = max(1, staged.frames // _LOOKS)
-    looks = range(staged.frames, 0, -every)
+    meshes, looks = _meshes(staged), _looks(staged)
     on = _on_skin if staged.avatar is not None else _on_shapes
     figures = {"pierced": pierced(staged, paths), **on(staged, meshes, paths, looks)}
     edges, (p95, largest) = Edges(staged.garments), (0.0, 0.0)
@@ -80,6 +81,29 @@ def worn_figures(staged: Staged, paths: Paths) -> dict[str, float]:
         strain = edges.strain({name: x[n].astype(np.float64) for name, x in paths.items()})
         p95, largest = max(p95, strain.most), max(largest, strain.largest)
     return figures | {"strain_p95": p95, "strain_max": largest}
+
+
+def _meshes(staged: Staged) -> dict[str, GarmentMesh]:
+    return {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in staged.garments}
+
+
+def _looks(staged: Staged) -> Sequence[int]:
+    """The frames that are measured against the skin."""
+    return range(staged.frames, 0, -max(1, staged.frames // _LOOKS))
+
+
+def crossed_own(staged: Staged, paths: Paths) -> float:
+    """Share of a garment's edges that run through itself; arguments as for `worn_figures`.
+
+    Returns:
+        The largest of the garments, mean over frames.
+    """
+    edges = Edges(tuple(replace(g, self_collision=1.0) for g in staged.garments))
+    each = [
+        edges.crossed({name: path[n].astype(np.float64) for name, path in paths.items()})
+        for n in _looks(staged)
+    ]
+    return float(np.mean(each))
 
 
 def pierced(staged: Staged, paths: Paths) -> float:
@@ -109,6 +133,7 @@ def _on_skin(
         "inside": "inside_p99",
         "penetration_mm": "penetration_mm_max",
         "gap_mm": "gap_mm_median",
+        "crossed": "crossed_p99",
     }
     return {name: float(found[of] or 0.0) for name, of in names.items()}
 
@@ -116,7 +141,7 @@ def _on_skin(
 def _on_shapes(
     staged: Staged, meshes: Mapping[str, GarmentMesh], paths: Paths, looks: Sequence[int]
 ) -> dict[str, float]:
-    nothing = {"inside": 0.0, "penetration_mm": 0.0, "gap_mm": 0.0}
+    nothing = dict.fromkeys(("inside", "penetration_mm", "gap_mm", "crossed"), 0.0)
     if all(c.is_frame for c in staged.colliders.colliders):
         return nothing
     shapes = Union(staged.colliders, staged.poses[0])
@@ -129,7 +154,7 @@ def _on_shapes(
             inside.append(mesh.inside(distance))
             deepest = max(deepest, float(-distance.min()))
             gap.append(distance[: len(x)])
-    return {
+    return nothing | {
         "inside": float(np.percentile(inside, 99.0)),
         "penetration_mm": 1e3 * deepest,
         "gap_mm": 1e3 * float(np.median(np.concatenate(gap))),

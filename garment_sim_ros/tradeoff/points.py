@@ -37,7 +37,7 @@ class Point:
         passes: Sweeps or iterations in each.
         membrane: What resists strain in the plane; `relaxation` has springs.
         options: Other settings of the solver by name.
-        preset: Name of a preset, which says all of the solver; empty without.
+        preset: Name of a preset, which says all of the solver but `options`; empty without.
     """
 
     kind: str
@@ -52,7 +52,7 @@ class Point:
     def name(self) -> str:
         """As tables and pictures have it."""
         if self.preset:
-            return self.preset
+            return " ".join((self.preset, *words(self.options)))
         membrane = () if self.membrane == SPRINGS else (self.membrane,)
         size = f"{self.sub_steps}x{self.passes}"
         return " ".join((self.solver, size, *membrane, *words(self.options)))
@@ -60,7 +60,8 @@ class Point:
     def arguments(self, frame: float) -> dict[str, Any]:
         """Arguments of `Simulation` for frames of so long [s]."""
         if self.preset:
-            return {"preset": self.preset, "solver_step": _step(self.preset)}
+            step = _step(self.preset)
+            return {"preset": self.preset, "solver_step": step, **dict(self.options)}
         if self.solver == "relaxation":
             settings: Any = RelaxationSettings(sweeps=self.passes)
             step = frame / self.sub_steps

@@ -10,6 +10,7 @@ import numpy as np
 
 from garment_sim_ros.errors import GarmentSimError
 from garment_sim_ros.tradeoff.axes import words
+from garment_sim_ros.tradeoff.energy import energy_drift
 from garment_sim_ros.tradeoff.metrics import (
     distance_mm,
     is_finite,
@@ -99,10 +100,10 @@ def glance(staged: Staged, point: Point, against: Reference, share: int) -> Row:
             faults.add("pierced")
         whole = {name: x[first : last + 1] for name, x in against.paths.items()}
         squares.append((distance_mm(played.paths, whole) ** 2, last - first))
-    figures: Row = {"hot_ms": _plain(1e3 * float(np.median(processor)))}
+    figures: Row = {"hot_ms": plain(1e3 * float(np.median(processor)))}
     if squares:
         mean = sum(s * n for s, n in squares) / sum(n for _, n in squares)
-        figures["trajectory_mm"] = _plain(float(np.sqrt(mean)))
+        figures["trajectory_mm"] = plain(float(np.sqrt(mean)))
     return {"faults": sorted(faults), **figures}
 
 
@@ -132,7 +133,8 @@ def measure(staged: Staged, point: Point, against: Reference, repeats: int = 3) 
     figures |= {"compile_s": round(compile_s, 3), **_hot(runs)}
     if "not finite" not in faults:
         figures |= _errors(player, against)
-    return {"faults": faults, **{name: _plain(value) for name, value in figures.items()}}
+        figures["energy_drift"] = energy_drift(staged, point)
+    return {"faults": faults, **{name: plain(value) for name, value in figures.items()}}
 
 
 def _first_use(player: Player, against: Reference) -> float:
@@ -207,7 +209,7 @@ def _errors(player: Player, against: Reference) -> Row:
     }
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """A value as JSON and CSV have it: four figures, none that is not finite."""
     if isinstance(value, float):
         return float(f"{value:.4g}") if np.isfinite(value) else None

@@ -19,13 +19,15 @@ from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.geometry.transforms import transform_from
 from garment_sim_ros.tradeoff.axes import collider_arguments
+from garment_sim_ros.tradeoff.sewn import sewn_on
+from garment_sim_ros.tradeoff.waisted_limb import lying_limb
 
 VARIABLE = "GARMENT_SIM_DATA"
 """Environment variable that names the folder of real bodies and clips."""
 PLAIN = "plain"
 """What the colliders of a scene without a body are called in the grid."""
 
-_SHAPES: Mapping[str, Callable[..., Collider]] = {"sphere": sphere}
+_SHAPES: Mapping[str, Callable[..., Collider]] = {"sphere": sphere, "limb": lying_limb}
 _WEAVE = {
     "areal_density": 0.2,
     "stretch_stiffness_warp": 2000.0,
@@ -45,10 +47,12 @@ class Scene:
         still: How long the last pose is then held, for the garments to come to rest [s].
         frame: Time between two poses [s].
         sheet: Of a scene without a body: arguments of `Garment.sheet`.
-        shapes: Of a scene without a body: shapes and their arguments, see `plain_shapes`.
+        shapes: Of a scene without a body: shapes and their arguments, see `plain_shapes`, and
+            `waisted_limb`.
         body: As `Avatar.load` takes it, or a file in ``bodies`` of the data; empty without.
         clip: As `load_clip` takes it, or a file in ``mocap`` of the data; empty: the rest pose.
         wear: As `Avatar.dress` takes it.
+        pattern: In place of `wear`: name of a sewing pattern of our own.
         turning: Rate at which the whole body turns about the world's z axis [rad/s].
         environment: Values of `Environment` by name.
     """
@@ -62,6 +66,7 @@ class Scene:
     body: str = ""
     clip: str = ""
     wear: str | Mapping[str, Any] = ""
+    pattern: str = ""
     turning: float = 0.0
     environment: Mapping[str, Any] = field(default_factory=dict)
 
@@ -126,6 +131,13 @@ SCENES: Mapping[str, Scene] = {
         sheet={"width": 1.0, "height": 1.0, "edge": 0.04, "pins": "top corners"}
         | {"material": _WEAVE},
     ),
+    "limb": Scene(
+        text="a sheet of 1 m x 1 m falls on a waisted limb of 508 triangles, which lies",
+        seconds=2.0,
+        sheet={"width": 1.0, "height": 1.0, "edge": 1.0 / 49.0, "at": (0.0, 0.0, 0.03)}
+        | {"material": _WEAVE | {"friction": 0.5}},
+        shapes=(("limb", {}),),
+    ),
     "walk": Scene(
         text="a body of 1,425 vertices walks in a T-shirt and a short skirt",
         seconds=2.0,
@@ -165,6 +177,13 @@ SCENES: Mapping[str, Scene] = {
         body=_FIG_9,
         wear=_WIDE_DRESS,
         environment={"wind": (4.0, 1.0, 0.0), "wind_drag": 1.2, "wind_lift": 0.4},
+    ),
+    "dress": Scene(
+        text="a sewn wide dress on a body that stands in a gusty wind of 3 m/s",
+        seconds=3.0,
+        body=_FIG_9,
+        pattern="wide_dress",
+        environment={"wind": (3.0, 1.0, 0.0), "wind_drag": 1.2, "wind_lift": 0.4, "gust": 1.0},
     ),
     "tight": Scene(
         text="a body walks in a T-shirt that is 6 mm wider than it",
@@ -267,9 +286,10 @@ def staged(scene: Scene, kind: str = HULLS, seconds: float = 0.0) -> Staged:
         )
     avatar = Avatar.load(_found("bodies", scene.body), **collider_arguments(kind))
     joints = tuple(_joints(scene, avatar, count))
+    worn = sewn_on(avatar, scene.pattern) if scene.pattern else avatar.dress(scene.wear)
     return Staged(
         scene=scene,
-        garments=tuple(avatar.dress(scene.wear).garments),
+        garments=tuple(worn.garments),
         colliders=avatar.colliders,
         poses=tuple(avatar.poses(T) for T in joints),
         avatar=avatar,

@@ -21,7 +21,8 @@ FIRST = (
 )
 FIGURES = (
     *("trajectory_mm", "doubt_mm", "static_mm", "pierced", "inside", "penetration_mm", "gap_mm"),
-    *("strain_p95", "strain_max", "rest_speed_mm_s", "dropped", "mended"),
+    *("crossed", "strain_p95", "strain_max", "rest_speed_mm_s", "energy_drift"),
+    *("dropped", "mended"),
     *("hot_ms", "hot_ms_p95", "hot_spread", "paced_ms", "paced_ms_p95", "paced_wall_ms"),
     *("compile_s", "refused"),
 )
@@ -107,6 +108,7 @@ def markdown(rows: Sequence[Row], best: Sequence[Row]) -> str:
         "strain_p95": "strain p95",
         "pierced": "pierced",
         "rest_speed_mm_s": "rest, mm/s",
+        "energy_drift": "energy drift",
         "hot_ms": "hot, ms",
         "paced_ms": "paced, ms",
     }
