@@ -198,7 +198,9 @@ def places_in_frames(
     return np.einsum("pij,pj->pi", T[:, :3, :3], x) + T[:, :3, 3]
 
 
-def blend(garment: GarmentLike, T_world_frame: FloatArray) -> FloatArray:
+def blend(
+    garment: GarmentLike, T_world_frame: FloatArray, of: IntArray | slice = slice(None)
+) -> FloatArray:
     """Rest vertices carried by their frames like skin, blended linearly.
 
     This is linear in the transforms: their difference gives displacements.
@@ -206,14 +208,15 @@ def blend(garment: GarmentLike, T_world_frame: FloatArray) -> FloatArray:
     Args:
         garment: The garment.
         T_world_frame: Current transforms of its frames, shape [b, 4, 4].
+        of: Which of the vertices; all by default.
 
     Returns:
         World positions [m], shape [v, 3].
     """
     T = (T_world_frame @ invert_transform(garment.T_world_frame_rest))[:, :3]
-    x = np.asarray(garment.vertices, dtype=np.float64)
+    x = np.asarray(garment.vertices[of], dtype=np.float64)
     weight = np.zeros((len(x), len(T)))
-    for index, share in zip(garment.frame_index.T, garment.frame_weight.T):
+    for index, share in zip(garment.frame_index[of].T, garment.frame_weight[of].T):
         weight[np.arange(len(x)), index] += share
     # One product of matrices for all frames: w (R x + t) = (w x, w) (R, t)^T.
     x1 = np.column_stack([x, np.ones(len(x))])

@@ -23,6 +23,7 @@ from garment_sim_ros.sim.joint_links import JointLinks
 from garment_sim_ros.sim.motion import to_file_order
 from garment_sim_ros.sim.openings import Openings
 from garment_sim_ros.sim.placement import blend
+from garment_sim_ros.sim.riding_up import RidingUp
 from garment_sim_ros.sim.worn import Worn
 
 _PERIOD = 1 / 15
@@ -31,6 +32,8 @@ _PATIENCE = 4
 """Looks with a limb in the cloth, less those without, after which it will not come out."""
 _OFF = 3
 """The same where it is off the body: it falls as long as that is waited for."""
+_ROLLED_UP = 8
+"""The same where it rode up: it falls again in that time, if it is loose."""
 _KEPT = 15
 """States kept of a garment: one for each look that found nothing."""
 _TO_TRY = (1, 4, -1)
@@ -62,13 +65,25 @@ class _Record:
 
     kept: deque[Kept]
     openings: Openings
+    riding_up: RidingUp
     first: Kept | None = None
     count: int = 0
     is_off: bool = False
+    up: int = 0
     tries: int = 0
     not_before: float = 0.0
     good_since: float = 0.0
     cores: tuple[int, ...] = field(default=())
+
+    @property
+    def is_broken(self) -> bool:
+        """Whether a limb stays in it, or it stays off the body."""
+        return self.count >= (_OFF if self.is_off else _PATIENCE)
+
+    @property
+    def is_rolled_up(self) -> bool:
+        """Whether it stays rolled up."""
+        return self.up >= _ROLLED_UP
 
 
 class Rewinding:
@@ -99,10 +114,11 @@ class Rewinding:
             n: _Record(
                 deque(maxlen=_KEPT),
                 Openings(colliders, T_world_rest, w.model.triangles),
+                RidingUp(w.garment),
             )
             for n, w in worn.items()
         }
-        self._next = 0.0
+        self._next, self._gravity = 0.0, np.zeros(3)
         self._at = ColliderPoses.identity(len(colliders))
         self._then = self._at
 
@@ -113,59 +129,75 @@ class Rewinding:
         for name, worn in self._worn.items():
             kept, old = Kept(self.positions(worn), poses.copy()), self._records[name]
             old.openings.begin(kept.x, poses)
-            self._records[name] = _Record(deque(maxlen=_KEPT), old.openings, first=kept)
+            self._records[name] = _Record(
+                deque(maxlen=_KEPT), old.openings, old.riding_up, first=kept
+            )
 
-    def look(self, time: float, poses: ColliderPoses) -> tuple[str, ...]:
+    def look(
+        self, time: float, poses: ColliderPoses, gravity: tuple[float, ...]
+    ) -> tuple[str, ...]:
         """Looks, if it is time to.
 
         Args:
             time: Time simulated since `begin` [s].
             poses: World poses of the colliders.
+            gravity: Of the world [m/s^2], three of them.
 
         Returns:
-            Garments that limbs stay in, or that are off the body.
+            Garments that limbs stay in, that are off the body, or that stay rolled up.
         """
         if time < self._next:
             return ()
-        self._next = time + _PERIOD - 1e-6
+        self._next, self._gravity = time + _PERIOD - 1e-6, np.array(gravity)
         posed = {name: self.positions(worn) for name, worn in self._worn.items()}
         self._find(posed, poses)
         broken = []
         for name, record in self._records.items():
             record.cores = self._through(name, posed[name], poses)
             record.is_off = record.openings.lost(posed[name], poses)
+            record.up = record.up + 1 if self._rode_up(name, posed[name], poses) else 0
             if record.cores or record.is_off:
                 record.count, record.good_since = min(record.count + 1, _PATIENCE), time
             elif record.count:
                 record.count -= 1
+            elif record.up:
+                record.good_since = time
             elif np.isfinite(posed[name]).all():
                 record.kept.append(Kept(posed[name], poses.copy()))
             if time - record.good_since > 2.0:
                 record.tries = 0
-            patience = _OFF if record.is_off else _PATIENCE
-            if record.count >= patience and time >= record.not_before:
+            if time >= record.not_before and (record.is_broken or record.is_rolled_up):
                 broken.append(name)
                 health = self._worn[name].health
-                health.came_off += record.is_off
-                health.caught += not record.is_off
+                health.came_off += record.is_broken and record.is_off
+                health.caught += record.is_broken and not record.is_off
+                health.rode_up += not record.is_broken
         self._then, self._at = self._at, poses.copy()
         return tuple(broken)
 
     def tried(self, name: str, time: float) -> None:
         """A garment was wound back, or nothing was found that it could be wound back to."""
         record = self._records[name]
-        wait = min(_WAIT * 2.0**record.tries, _LONGEST_WAIT)
+        wait = _WAIT if record.is_rolled_up else min(_WAIT * 2.0**record.tries, _LONGEST_WAIT)
         record.tries, record.count, record.not_before = record.tries + 1, 0, time + wait
 
     def candidates(self, name: str) -> Iterator[Kept]:
         """What a garment may be wound back to, newest first; older at once after each try."""
         record = self._records[name]
-        kept = list(record.kept)
+        kept = [] if record.is_rolled_up else list(record.kept)
         for back in _TO_TRY[min(record.tries, len(_TO_TRY)) :]:
             if kept:
                 yield kept[0 if back < 0 else max(len(kept) - back, 0)]
         if record.first is not None:
             yield record.first
+
+    def may_replay(self, name: str) -> bool:
+        """Whether this try may take as long as to let the body move with the garment on.
+
+        One that is rolled up is tried often, as it is worn all the same, and seldom in that way.
+        """
+        record = self._records[name]
+        return not record.is_rolled_up or record.tries & (record.tries - 1) == 0
 
     def is_well(self, worn: Worn, x: SingleArray, poses: ColliderPoses, bears: float) -> bool:
         """Whether a garment may be put somewhere.
@@ -179,6 +211,8 @@ class Rewinding:
         if not np.isfinite(x).all() or overstretched(worn, x) > bears:
             return False
         name = worn.garment.name
+        if self._records[name].is_rolled_up and self._rode_up(name, x, poses):
+            return False
         self._find({name: x}, poses)
         is_off = self._records[name].openings.lost(x, poses)
         return not (is_off or self._through(name, x, poses))
@@ -197,7 +231,7 @@ class Rewinding:
             x: Its vertices as they are [m], shape [v, 3].
             good: Where they would be wound back to [m], shape [v, 3].
         """
-        if self._records[name].is_off:
+        if self._records[name].is_off or not self._records[name].cores:
             return np.ones(len(x))
         ends = self._limbs.posed_cores(self._at)[list(self._records[name].cores)]
         away = np.full(len(x), np.inf)
@@ -216,6 +250,10 @@ class Rewinding:
             if not self._limbs.is_pressed(links.cores[k].tolist(), links.at[k].tolist()):
                 found.update(links.cores[k].tolist())
         return tuple(sorted(found))
+
+    def _rode_up(self, name: str, x: SingleArray, poses: ColliderPoses) -> bool:
+        T = self._worn[name].frames.world(poses)
+        return self._records[name].riding_up.rode_up(x, T, self._gravity)
 
     def _find(self, posed: Mapping[str, SingleArray], poses: ColliderPoses) -> None:
         self._limbs.add(poses, {n: (x, self._triangles[n]) for n, x in posed.items()})

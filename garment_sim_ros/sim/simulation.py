@@ -281,7 +281,7 @@ class Simulation(ByName):
         """Winds garments back that limbs stay in; the colliders are in their last poses."""
         if self._is_sewing or not self._extras:
             return
-        for name in self._rewinding.look(self.time, poses):
+        for name in self._rewinding.look(self.time, poses, self.parameters.environment.gravity):
             wind_back(self._rewinding, self._worn[name], poses, self._replay)
             self._rewinding.tried(name, self.time)
             for _, pair in self._under[name]:

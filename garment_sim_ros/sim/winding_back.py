@@ -87,7 +87,7 @@ def wind_back(
     x, v = rewinding.positions(worn), rewinding.skin_velocity(worn)
     whole, bears = np.ones(len(x)), min(overstretched(worn, x), _MOST) + _MORE
     for kept in rewinding.candidates(name):
-        for replays in (False, True):
+        for replays in (False, True) if rewinding.may_replay(name) else (False,):
             if replays:
                 replay(worn, kept, poses)
                 good = rewinding.positions(worn)

@@ -1,0 +1,74 @@
+"""Whether a garment rode up: a tight skirt that wide steps have rolled up around the hips.
+
+Cloth that cannot stretch as far as a pose asks slides up where the body is narrower. What is loose
+falls again; a roll of tight cloth stays, where a person would pull it down.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.topology import boundary_loops
+from garment_sim_ros.sim.placement import GarmentLike, blend
+
+_SHORTEST = 0.25
+"""Hems nearer than this to what holds their garment are left alone: cuffs of short sleeves [m]."""
+_RODE_UP = 0.5
+"""A hem rode up where it is nearer to what holds it than this part of what it would be as skin."""
+_BELOW = 0.5
+"""As skin it would hang by this part of that distance below; else gravity is no help."""
+
+
+class _Hem(NamedTuple):
+    """Vertices of one hem, and for each the nearest at rest that holds the garment, shape [n]."""
+
+    vertex: IntArray
+    held: IntArray
+
+
+class RidingUp:
+    """The hems of one garment.
+
+    Args:
+        garment: The garment. Without pins and attachments no hem of it counts.
+    """
+
+    def __init__(self, garment: GarmentLike) -> None:
+        self._garment = garment
+        soft = () if garment.soft is None else garment.soft.vertices
+        held = np.union1d(np.asarray(garment.pins), soft).astype(np.int32)
+        self._hems: list[_Hem] = []
+        try:
+            loops = boundary_loops(garment.triangles) if len(held) else []
+        except GeometryError:  # openings that touch
+            loops = []
+        for loop in loops:
+            if np.isin(loop, held).any():
+                continue
+            away, nearest = cKDTree(garment.vertices[held]).query(garment.vertices[loop])
+            if away.mean() > _SHORTEST:
+                self._hems.append(_Hem(np.asarray(loop, np.int32), held[nearest]))
+
+    def rode_up(self, x: SingleArray, T_world_frame: FloatArray, gravity: FloatArray) -> bool:
+        """Whether a hem is where a person would pull it down again.
+
+        Args:
+            x: World positions of the vertices [m], shape [v, 3].
+            T_world_frame: Transforms of the garment's frames, shape [b, 4, 4].
+            gravity: Of the world [m/s^2], shape [3].
+        """
+        strength = float(np.linalg.norm(gravity))
+        if strength == 0.0:
+            return False
+        for hem in self._hems:
+            skin = blend(self._garment, T_world_frame, np.concatenate(hem)).reshape(2, -1, 3)
+            way = skin[0] - skin[1]
+            length = float(np.linalg.norm(way, axis=1).sum())
+            now = float(np.linalg.norm(x[hem.vertex] - x[hem.held], axis=1).sum())
+            below = float((way @ gravity).sum()) / strength
+            if below > _BELOW * length and now < _RODE_UP * length:
+                return True
+        return False

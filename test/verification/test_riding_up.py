@@ -1,0 +1,132 @@
+"""A skirt that stays rolled up is pulled down; what falls by itself is left alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from garment_sim_ros.contact.shapes import Collider
+from garment_sim_ros.sim.riding_up import RidingUp
+from garment_sim_ros.sim.simulation import Simulation
+
+RINGS, AROUND = 15, 32
+LENGTH, RADIUS = 0.42, 0.125
+DOWN = np.array([0.0, 0.0, -9.81])
+BONE = np.eye(4)[None]
+
+
+def tube(length=LENGTH):
+    """A tube that hangs from the height 1 m, closed on itself, its waist ring first."""
+    angle = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
+    ring = RADIUS * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=-1)
+    x = np.concatenate(
+        [ring - np.array([0.0, 0.0, s - 1.0]) for s in np.linspace(0.0, length, RINGS)]
+    )
+    i = np.arange(AROUND)
+    j = (i + 1) % AROUND
+    two = np.concatenate([np.c_[i, i + AROUND, j], np.c_[j, i + AROUND, j + AROUND]])
+    return x, np.concatenate([two + k * AROUND for k in range(RINGS - 1)]).astype(np.int32)
+
+
+def skirt(cloth, length=LENGTH, **more):
+    """Held by its waist ring."""
+    x, triangles = tube(length)
+    return cloth.garment(x, triangles, pins=np.arange(AROUND), damping=1.0, **more)
+
+
+def rolled_up(x, share):
+    """Each ring so much nearer to the waist."""
+    return np.column_stack([x[:, :2], 1.0 + (1.0 - share) * (x[:, 2] - 1.0)])
+
+
+@pytest.mark.parametrize(("share", "rode_up"), [(0.0, False), (0.45, False), (0.55, True)])
+def test_a_hem_nearer_than_half_way_rode_up(cloth, share, rode_up):
+    garment = skirt(cloth)
+    x = rolled_up(garment.vertices, share)
+    assert RidingUp(garment).rode_up(x, BONE, DOWN) is rode_up
+
+
+@pytest.mark.parametrize("gravity", [-DOWN, DOWN[[2, 0, 1]], 0.0 * DOWN])
+def test_what_would_not_hang_there_did_not(cloth, gravity):
+    """Upside down, lying, or without gravity."""
+    garment = skirt(cloth)
+    x = rolled_up(garment.vertices, 0.8)
+    assert not RidingUp(garment).rode_up(x, BONE, gravity)
+
+
+def test_it_follows_the_body(cloth):
+    """What hangs upside down on a body upside down did not ride up; what lies on its hips did."""
+    garment = skirt(cloth)
+    over = np.diag([1.0, -1.0, -1.0, 1.0])[None]
+    x = garment.vertices * [1.0, -1.0, -1.0]
+    assert not RidingUp(garment).rode_up(x, over, -DOWN)
+    rolled = rolled_up(garment.vertices, 0.8) * [1.0, -1.0, -1.0]
+    assert RidingUp(garment).rode_up(rolled, over, -DOWN)
+
+
+def test_short_sleeves_and_cloth_that_nothing_holds_have_no_such_hem(cloth):
+    short = skirt(cloth, length=0.2)
+    assert not RidingUp(short).rode_up(rolled_up(short.vertices, 0.9), BONE, DOWN)
+    loose = replace(skirt(cloth), pins=np.zeros(0, np.int32), pin_frame=np.zeros(0, np.int32))
+    assert not RidingUp(loose).rode_up(rolled_up(loose.vertices, 0.9), BONE, DOWN)
+
+
+def put_on(cloth, solver, **more):
+    """The skirt on an upright rod, which it is wider than."""
+    rod = Collider(
+        name="rod",
+        kind="capsule",
+        bone="bone",
+        position=[0.0, 0.0, 0.2],
+        orientation=[0.0, 0.0, 0.0, 1.0],
+        geometry={"radius0": 0.1, "radius1": 0.1, "length": 1.2},
+    )
+    simulation = Simulation(skirt(cloth, **more), cloth.colliders(rod), solver=solver)
+    for _ in range(30):
+        simulation.step()
+    return simulation
+
+
+def length_of(x):
+    """From waist to hem, straight."""
+    rings = x.reshape(RINGS, AROUND, 3)
+    return float(np.linalg.norm(rings[-1] - rings[0], axis=1).mean())
+
+
+def roll_up_to(simulation, length):
+    """Lets the cloth be so long, and at rest."""
+    worn = simulation["cloth"].worn
+    x = worn.seen(simulation.origin)
+    x = rolled_up(x, 1.0 - length / length_of(x)) - simulation.origin
+    worn.state.x[:] = x[worn.model.vertex]
+    worn.state.v[:] = 0.0
+
+
+@pytest.mark.parametrize("solver", ["xpbd", "relaxation", "implicit"])
+def test_a_roll_that_stays_is_pulled_down(cloth, solver):
+    """Cloth that is held where it is rolled up hangs again, within a second, and is counted."""
+    simulation = put_on(cloth, solver)
+    whole = length_of(simulation["cloth"].positions)
+    assert whole > 0.9 * LENGTH
+    lengths = []
+    for _ in range(60):
+        if simulation["cloth"].health.rode_up == 0:
+            roll_up_to(simulation, 0.3 * LENGTH)
+        simulation.step()
+        lengths.append(length_of(simulation["cloth"].positions))
+    health = simulation["cloth"].health
+    assert (health.rode_up, health.rewound, health.not_rewound) == (1, 1, 0)
+    assert (health.caught, health.came_off) == (0, 0)
+    assert lengths[20] < 0.5 * LENGTH
+    assert lengths[-1] > 0.9 * whole
+    assert np.abs(np.diff(lengths)).max() < 0.05
+
+
+def test_what_falls_by_itself_is_left_alone(cloth):
+    simulation = put_on(cloth, "xpbd", friction=0.0)
+    roll_up_to(simulation, 0.3 * LENGTH)
+    for _ in range(60):
+        simulation.step()
+    health = simulation["cloth"].health
+    assert (health.rode_up, health.rewound, health.rewound_parts) == (0, 0, 0)
+    assert length_of(simulation["cloth"].positions) > 0.7 * LENGTH
