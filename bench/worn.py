@@ -33,6 +33,7 @@ from pathlib import Path
 import numpy as np
 from jumps import LIES, JumpMeter
 
+from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skinning import Skinner
@@ -230,7 +231,7 @@ def draw(asked: Asked, kept: Frames, joints: list, skinner: Skinner, body, garme
     """A sheet: moments at even distances, and the worst ones."""
     hips = body.humanoid.get("hips")
     root = body.rig.index(hips) if hips else 0
-    forward = np.linalg.inv(body.rig.T_parent_joint[root][:3, :3])[:, 0]
+    forward = rest_transforms(body.rig)[root, 0, :3]  # in rest pose bodies face along x
 
     def figure(k: int) -> Figure:
         T = joints[kept.number[k]]

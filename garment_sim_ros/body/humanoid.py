@@ -155,7 +155,16 @@ def _match(
         at = next((joint_of[name] for name in called if name in joint_of), None)
         if at is not None:
             found[bone] = at
-    ends = ("neck", "head", "leftShoulder", "leftUpperArm", "rightShoulder", "rightUpperArm")
+    # Rigs that count through from the pelvis to the head begin the neck at one number or another;
+    # what the arms hang on is trunk.
+    arms = ("leftShoulder", "leftUpperArm", "rightShoulder", "rightUpperArm")
+    carrying = {
+        above for bone in arms if bone in found for above in _ancestors(found[bone], parent)
+    }
+    called_neck = [joint_of[name] for name in names["neck"] if name in joint_of]
+    if free := [joint for joint in called_neck if joint not in carrying]:
+        found["neck"] = free[0]
+    ends = ("neck", "head", *arms)
     above = next((found[bone] for bone in ends if bone in found), None)
     if above is not None:
         path = _ancestors(above, parent)[:0:-1]

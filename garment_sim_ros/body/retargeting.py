@@ -106,9 +106,8 @@ class Retargeter:
             self._kinematics.from_dofs(q, self._T_world_source).copy(),
             reference,
         )
-        rest = Skeleton.compare(
-            target.name, rig, target.humanoid, rest_transforms(rig), SourceReference()
-        )
+        ends = SourceReference(end_sites=_forearm_ends(target))
+        rest = Skeleton.compare(target.name, rig, target.humanoid, rest_transforms(rig), ends)
         n = len(rig)
         self._hips = rest.bones["hips"]
         self._parent = rig.parent
@@ -336,6 +335,23 @@ def _skin_points(body: Body) -> tuple[FloatArray, NDArray[np.int32]]:
     """Vertices and the joint that moves each most."""
     main = np.argmax(body.skin.weight, axis=1)
     return body.skin.vertices, body.skin.bone[np.arange(len(main)), main]
+
+
+def _forearm_ends(body: Body) -> dict[str, FloatArray]:
+    """The middle of the skin, in the joint's frame, of forearms without a joint beyond them."""
+    vertices, mover = _skin_points(body)
+    T_world_joint = rest_transforms(body.rig)
+    ends = {}
+    for side in SIDES:
+        name = body.humanoid.get(f"{side}LowerArm")
+        if name is None:
+            continue
+        elbow = body.rig.index(name)
+        moved = vertices[mover == elbow]
+        if len(moved) and not (body.rig.parent == elbow).any():
+            T = T_world_joint[elbow]
+            ends[name] = T[:3, :3].T @ (moved.mean(axis=0) - T[:3, 3])
+    return ends
 
 
 def _arm_end(

@@ -127,7 +127,7 @@ CONVENTIONS: dict[str, Convention] = {
     # Blender's rigs; Rigify's spine counts through from the pelvis to the head.
     "Blender": Convention(
         hips="hips pelvis spine",
-        trunk="spine spine001 spine002 spine003 chest upperchest",
+        trunk="spine spine001 spine002 spine003 spine004 chest upperchest",
         neck="neck spine004 spine005",
         head="head spine006",
         arm=("shoulder clavicle", "upperarm", "forearm lowerarm", "hand"),

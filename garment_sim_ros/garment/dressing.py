@@ -254,6 +254,10 @@ def _put_outside(
         flat = None if flat is None else np.ascontiguousarray(flat[:, ::-1])
         notes += ("all triangles were turned: the inside was out",)
     vertices = mesh.vertices.copy()
+    if (gap < 0.0).any():
+        # Beside the rim of an open part, such as clothes in a body's file, signs say nothing.
+        skin = MeshDistance(measures.vertices, measures.body.skin.triangles)
+        gap = np.where(skin.is_inside(vertices), gap, np.abs(gap))
     under = (gap < 0.0) & (gap > -_DEEPEST * unit)
     if under.any():
         step = closest[under] - vertices[under]

@@ -21,7 +21,7 @@ from garment_sim_ros.garment.mesh import GarmentMesh
 from garment_sim_ros.garment.remesh import remeshed
 from garment_sim_ros.garment.slices import NORMALS, Profile
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
-from garment_sim_ros.geometry.topology import boundary_loops, non_manifold_edges
+from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology, non_manifold_edges
 
 _MOST_NODES = 5_000_000
 
@@ -169,6 +169,10 @@ def _shirt_field(
     near = np.abs(field) < 0.06 * unit
     skin = MeshDistance(measures.vertices, _covered_skin(measures))
     gap = skin.signed_distance(points[near])[0]
+    if (mesh_topology(measures.body.skin.triangles).triangle_count == 1).any():
+        # Open parts, such as clothes in a body's file, have no inside; that of the body is within
+        # the outlines of trunk and sleeves already.
+        gap = np.abs(gap)
     beyond = -_in_neckline(measures, points[near]) / (_COLLAR_REACH * measures.neck_base.radius)
     least = np.interp(beyond, [0.0, 1.0], [_COLLAR_GAP * unit, _LEAST_EASE * ease])
     field[near] = _smooth_union(field[near], gap - least, _SKIN_ROUNDING * unit)

@@ -17,7 +17,12 @@ from garment_sim_ros.errors import GeometryError, ParameterError
 from garment_sim_ros.garment.generators import long_skirt, short_skirt, tshirt
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
-from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology, non_manifold_edges
+from garment_sim_ros.geometry.topology import (
+    boundary_loops,
+    mesh_topology,
+    non_manifold_edges,
+    vertex_normals,
+)
 from garment_sim_ros.geometry.transforms import invert_transform, transform_from
 
 MAKERS = {"short_skirt": short_skirt, "long_skirt": long_skirt, "tshirt": tshirt}
@@ -272,6 +277,32 @@ def test_hanging_arms_are_raised():
     T_rest = rest_transforms(hanging.rig)
     i = garment.frames.index(wearer.humanoid["leftUpperArm"])
     assert not np.allclose(garment.T_world_frame_rest[i], T_rest[rig.index(garment.frames[i])])
+
+
+def test_a_shirt_goes_around_clothes_of_the_body_s_file():
+    """An open coat, standing off the trunk from the hips to the armpits, has no inside."""
+    bare = body()
+    skin = bare.skin
+    normal = np.empty_like(skin.vertices)
+    vertex_normals(skin.vertices, skin.triangles, normal)
+    z = skin.vertices[:, 2]
+    trunk = (z > 0.8) & (z < 1.2) & (Measures(bare).trunk_share > 0.9)
+    covered = skin.triangles[trunk[skin.triangles].all(axis=1)]
+    used, coat = np.unique(covered, return_inverse=True)
+    off = skin.vertices[used] + 0.05 * normal[used]
+    coat = (coat.reshape(-1, 3) + len(skin.vertices)).astype(np.int32)
+    x = np.concatenate([skin.vertices, off])
+    dressed = dataclasses.replace(
+        skin,
+        vertices=x,
+        triangles=np.concatenate([skin.triangles, coat]),
+        bone=np.concatenate([skin.bone, skin.bone[used]]),
+        weight=np.concatenate([skin.weight, skin.weight[used]]),
+    )
+    garment = tshirt(dataclasses.replace(bare, skin=dressed))
+    assert len(boundary_loops(garment.triangles)) == 4
+    assert np.abs(MeshDistance(x, coat).signed_distance(garment.vertices)[0]).min() > 0.01
+    assert gaps(garment, bare).min() > 0.002
 
 
 def test_let_out_over_colliders():

@@ -329,6 +329,26 @@ def test_of_two_sets_of_joints_the_deforming_one_is_taken():
     assert all(joint.startswith("DEF-") for joint in found.values())
 
 
+def test_what_the_arms_hang_on_is_no_neck():
+    """Rigify's spine of one more joint: its fifth is the upper chest, the neck begins above."""
+    joints = ["spine", *(f"spine.00{n}" for n in range(1, 7))]
+    parent = [-1, *range(6)]
+    for side in "LR":
+        for above, name in (
+            ("spine.004", "shoulder"),
+            (f"shoulder.{side}", "upper_arm"),
+            (f"upper_arm.{side}", "forearm"),
+            ("spine", "thigh"),
+            (f"thigh.{side}", "shin"),
+        ):
+            parent.append(joints.index(above))
+            joints.append(f"{name}.{side}")
+    found = humanoid_map(joints, np.array(parent))
+    assert (found["neck"], found["head"]) == ("spine.005", "spine.006")
+    trunk = [found[bone] for bone in ("hips", "spine", "upperChest")]
+    assert trunk == ["spine", "spine.001", "spine.004"]
+
+
 def test_naming_many_joints_takes_time_in_proportion():
     """Counted, not timed: no name is spelled more often for standing among more of them."""
     from garment_sim_ros.body import humanoid
