@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import math
 import re
 import sys
 from collections.abc import Sequence
@@ -88,7 +87,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         return run_prices(args, scenes, skipped)
     kept = kept_in(args.out)
     told = _references(args, scenes, kept)
-    doubt = {name: _doubt(of) for name, of in told.items()}
+    doubt = {name: of["doubt_mm"] for name, of in told.items()}
     points, dropped = _left(args, scenes, kept)
     rows = [
         row | {"doubt_mm": doubt[_told_of(row["scene"], row["colliders"], row["membrane"])]}
@@ -117,17 +116,12 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         print(f"skipped: {name}: {why}", file=sys.stderr)
     for name, told_of in told.items():
         if not told_of["converged"]:
-            print(f"reference not converged: {name}: {told_of['changes_mm']} mm", file=sys.stderr)
+            print(
+                f"reference not converged: {name}: {told_of['over']} of "
+                f"{len(told_of['segments'])} segments, {told_of['doubt_mm']} mm over all",
+                file=sys.stderr,
+            )
     return result | {"out": str(args.out)}
-
-
-def _doubt(told: dict[str, Any]) -> float | None:
-    """RMS, over the segments, of the last doubling's change or of chaos, what is more [mm]."""
-    if None in told["changes_mm"]:
-        return None
-    pairs = list(zip(told["changes_mm"], told["chaos_mm"]))
-    mean = sum(max(pair) ** 2 for pair in pairs) / len(pairs)
-    return float(f"{math.sqrt(mean):.3g}")
 
 
 def _name(row: Row) -> str:

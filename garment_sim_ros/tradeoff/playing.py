@@ -7,9 +7,13 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.arrays import SingleArray
+from garment_sim_ros.sim.putting_on import set_in_motion
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.state import State
 from garment_sim_ros.tradeoff.scenes import Staged
+
+_INSTANT = 1e-4
+"""A step in which nothing moves far [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,10 +74,21 @@ class Player:
         return every - self._mended
 
     def put_on(self, *, settle: bool) -> None:
-        """Put the garments on the first pose; those of a scene without a body where they are."""
+        """Put the garments on the first pose; those of a scene without a body where they are.
+
+        On a body they have its speed, as from the first step on that a node takes.
+        """
+        simulation, poses = self.simulation, self.staged.poses
         on_body = self.staged.avatar is not None
-        self.simulation.reset(self.staged.poses[0], settle=settle and on_body)
+        simulation.reset(poses[0], settle=settle and on_body)
         self._mended += self.mended
+        if on_body:
+            # The first step would give that speed to garments which begin later, too.
+            simulation.advance(poses[0], poses[0], _INSTANT)
+            around = simulation.parameters.environment
+            if around.root_linear_inertia == around.root_angular_inertia == 1.0:
+                worn = [view.worn for view in simulation]
+                set_in_motion(worn, poses[0], poses[1], self.staged.scene.frame)
 
     def snapshot(self, frame: int) -> Snapshot:
         """What there is now."""

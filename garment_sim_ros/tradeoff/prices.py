@@ -15,9 +15,12 @@ from garment_sim_ros.tradeoff.metrics import (
     worn_figures,
 )
 from garment_sim_ros.tradeoff.playing import Played, Player, Snapshot
-from garment_sim_ros.tradeoff.reference import segments
 from garment_sim_ros.tradeoff.runner import plain
+from garment_sim_ros.tradeoff.scenes import Staged
 from garment_sim_ros.tradeoff.table import Row
+
+TURN = 0.5
+"""Length of a turn [s]."""
 
 
 @dataclass(kw_only=True)
@@ -131,7 +134,7 @@ def price(off: Case, on: Case, repeats: int) -> Row:
     for repeat in range(repeats):
         for side in sides:
             side.begin()
-        for k, (first, last) in enumerate(segments(off.staged)):
+        for k, (first, last) in enumerate(_turns(off.staged)):
             for side in sides if (repeat + k) % 2 == 0 else sides[::-1]:
                 side.take(side.player.play(first, last))
     figures = _cost(*(side.turns for side in sides))
@@ -143,6 +146,13 @@ def price(off: Case, on: Case, repeats: int) -> Row:
         apart = distances_mm(*(side.paths for side in sides))
         figures["moved_mm"] = float(np.percentile(apart, 95.0))
     return {name: plain(value) for name, value in figures.items()}
+
+
+def _turns(staged: Staged) -> list[tuple[int, int]]:
+    """First and last frame of each turn."""
+    length = max(1, round(TURN / staged.scene.frame))
+    starts = range(0, staged.frames, length)
+    return [(first, min(first + length, staged.frames)) for first in starts]
 
 
 def _cost(off: list[list[float]], on: list[list[float]]) -> Row:

@@ -5,8 +5,8 @@ later, whichever is better. So the motion is cut into segments. Each begins wher
 ended the one before, and what is compared is what comes of that within the segment.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -14,20 +14,19 @@ import numpy as np
 
 from garment_sim_ros.arrays import SingleArray
 from garment_sim_ros.solver_params import SPRINGS
+from garment_sim_ros.tradeoff.convergence import CHANGE, Track, unique_track
 from garment_sim_ros.tradeoff.metrics import distance_mm, pierced, rest_speed_mm_s
 from garment_sim_ros.tradeoff.playing import Player, Snapshot
 from garment_sim_ros.tradeoff.points import Point
 from garment_sim_ros.tradeoff.scenes import Staged
 
-SEGMENT = 0.5
-"""Length of a segment [s]."""
-CHANGE = 0.1
-"""It is converged where twice as many sub-steps change it by less than this [mm]."""
+LONGEST = 0.5
+"""Longest segment [s]."""
 _FIRST, MOST = 60, 960
 """Sub-steps of the first try, and most of them, in 1/60 s."""
-SHAKEN = 1e-6
-"""RMS of what the starts are off by, in each direction, to see how chaotic a segment is [m]."""
 _DEFAULT = 18
+_SEARCH_EVERY = 12
+"""Sub-steps from one search for contacts to the next: each one moves cloth a little."""
 _REST, _ROUNDS = 0.5, 8
 """The rest shape is then refined in at most so many rounds of so long [s]."""
 
@@ -41,8 +40,8 @@ class Reference:
         paths: World positions by name [m], the start and after each frame, shape [f + 1, v, 3].
         sub_steps: Of each segment, in a frame.
         changes: By how much the last doubling changed each segment [mm].
-        chaos: By how much each segment changes where its start is off by `SHAKEN` [mm].
-        rest: Positions at rest by name [m], shape [v, 3].
+        chaos: By how much each segment changes where its start is shaken [mm].
+        rest: Positions at rest by name [m], shape [v, 3]; empty where nothing comes to rest.
         rest_moved: How far that shape still moved in its last half second [mm].
         rest_speed: RMS speed there [mm/s].
         pierced: Share of its frames in which a body part runs through a garment.
@@ -59,25 +58,51 @@ class Reference:
     pierced: float
 
     @property
+    def segments(self) -> list[tuple[int, int]]:
+        """First and last frame of each segment."""
+        firsts = [start.frame for start in self.starts]
+        frames = len(next(iter(self.paths.values()))) - 1
+        return list(zip(firsts, [*firsts[1:], frames]))
+
+    @property
+    def doubts(self) -> tuple[float, ...]:
+        """Of each segment the last doubling's change or its chaos, what is more [mm]."""
+        return tuple(np.maximum(self.changes, self.chaos).tolist())
+
+    @property
+    def doubt(self) -> float:
+        """Their RMS over all frames [mm]."""
+        frames = [last - first for first, last in self.segments]
+        return float(np.sqrt(np.average(np.square(self.doubts), weights=frames)))
+
+    @property
     def converged(self) -> bool:
         """Whether every segment is."""
-        return max(self.changes) < CHANGE
+        return self.over == 0
+
+    @property
+    def over(self) -> int:
+        """How many segments are not."""
+        return sum(not doubt < CHANGE for doubt in self.doubts)
 
     def told(self) -> dict[str, object]:
         """What is reported of it."""
         return {
             "converged": self.converged,
+            "doubt_mm": float(f"{self.doubt:.3g}") if np.isfinite(self.doubt) else None,
+            "segments": [last - first for first, last in self.segments],
+            "over": self.over,
             "sub_steps": list(self.sub_steps),
-            "changes_mm": [round(c, 4) if np.isfinite(c) else None for c in self.changes],
-            "chaos_mm": [round(c, 4) for c in self.chaos],
-            "rest_moved_mm": round(self.rest_moved, 4),
-            "rest_speed_mm_s": round(self.rest_speed, 3),
-            "pierced": round(self.pierced, 4),
+            "changes_mm": [_told(c) for c in self.changes],
+            "chaos_mm": [_told(c) for c in self.chaos],
+            "rest_moved_mm": _told(self.rest_moved),
+            "rest_speed_mm_s": _told(self.rest_speed),
+            "pierced": _told(self.pierced),
         }
 
     def save(self, file: Path) -> None:
         """Write it to an .npz file."""
-        names = list(self.rest)
+        names = list(self.paths)
         arrays = {
             "names": np.array(names),
             "frames": np.array([s.frame for s in self.starts]),
@@ -87,7 +112,9 @@ class Reference:
             "numbers": np.array([self.rest_moved, self.rest_speed, self.pierced]),
         }
         for n in names:
-            arrays |= {f"path_{n}": self.paths[n], f"rest_{n}": self.rest[n]}
+            arrays[f"path_{n}"] = self.paths[n]
+            if self.rest:
+                arrays[f"rest_{n}"] = self.rest[n]
             arrays[f"x_{n}"] = np.array([s.x[n] for s in self.starts])
             arrays[f"v_{n}"] = np.array([s.v[n] for s in self.starts])
         partial = file.with_name(f".{file.name}")
@@ -101,8 +128,9 @@ class Reference:
         try:
             with np.load(file) as held:
                 names = held["names"].tolist()
-                rows = {k: [held[f"{k}_{n}"] for n in names] for k in ("x", "v", "path", "rest")}
+                rows = {k: [held[f"{k}_{n}"] for n in names] for k in ("x", "v", "path")}
                 frames = held["frames"].tolist()
+                rest = {n: held[f"rest_{n}"] for n in names if f"rest_{n}" in held}
                 moved, speed, through = held["numbers"].tolist()
                 return cls(
                     starts=tuple(
@@ -114,7 +142,7 @@ class Reference:
                         for k, frame in enumerate(frames)
                     ),
                     paths=dict(zip(names, rows["path"])),
-                    rest=dict(zip(names, rows["rest"])),
+                    rest=rest,
                     sub_steps=tuple(held["sub_steps"].tolist()),
                     changes=tuple(held["changes"].tolist()),
                     chaos=tuple(held["chaos"].tolist()),
@@ -126,108 +154,68 @@ class Reference:
             return None
 
 
-def segments(staged: Staged) -> list[tuple[int, int]]:
-    """First and last frame of each segment."""
-    length = max(1, round(SEGMENT / staged.scene.frame))
-    starts = range(0, staged.frames, length)
-    return [(first, min(first + length, staged.frames)) for first in starts]
+def _told(value: float) -> float | None:
+    return round(value, 4) if np.isfinite(value) else None
 
 
-def reference(
-    staged: Staged, most: int = MOST, change: float = CHANGE, membrane: str = SPRINGS
-) -> Reference:
+def reference(staged: Staged, most: int = MOST, membrane: str = SPRINGS) -> Reference:
     """The reference of a scene: `xpbd` with so many sub-steps that more change little.
 
     Args:
         staged: The scene.
         most: Most sub-steps in 1/60 s.
-        change: It is converged where a doubling changes it by less [mm].
         membrane: What resists strain in the plane.
     """
     per = staged.scene.frame * 60.0
-    player = _player(staged, round(_DEFAULT * per), membrane)
-    player.put_on(settle=True)
-    at = player.snapshot(0)
-    starts, parts, counts, changes, chaos = [], [], [], [], []
-    for first, last in segments(staged):
-        starts.append(at)
-        path, count, moved, at = _converged(
-            lambda n: _player(staged, n, membrane),
-            at,
-            (first, last),
-            (round(_FIRST * per), most * per),
-            change,
-        )
-        chaos.append(_chaos(_player(staged, count, membrane), starts[-1], (first, last), path))
-        parts.append({name: x[:-1] if last < staged.frames else x for name, x in path.items()})
-        counts.append(count)
-        changes.append(moved)
-    paths = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    rest, rest_moved, speed = _rest(staged, at, counts[-1], membrane)
+    usual, counts = round(_DEFAULT * per), (round(_FIRST * per), most * per)
+
+    @cache
+    def player(sub_steps: int) -> Player:
+        made = _player(staged, sub_steps, membrane)
+        made.put_on(settle=sub_steps == usual)
+        return made
+
+    at = player(usual).snapshot(0)
+    longest = window = max(1, round(LONGEST / staged.scene.frame))
+    tracks: list[Track] = []
+    while at.frame < staged.frames:
+        tracks.append(unique_track(player, at, min(window, staged.frames - at.frame), counts))
+        window = min(longest, 2 * (len(tracks[-1].states) - 1))
+        at = tracks[-1].states[-1]
+    states = [state for track in tracks for state in track.states[:-1]] + [at]
+    paths = {name: np.array([state.x[name] for state in states]) for name in at.x}
+    rest, moved, speed = _rest(staged, at, tracks[-1].sub_steps, membrane)
     return Reference(
-        starts=tuple(starts),
+        starts=tuple(track.states[0] for track in tracks),
         paths=paths,
-        sub_steps=tuple(counts),
-        changes=tuple(changes),
-        chaos=tuple(chaos),
+        sub_steps=tuple(track.sub_steps for track in tracks),
+        changes=tuple(track.change for track in tracks),
+        chaos=tuple(track.chaos for track in tracks),
         rest=rest,
-        rest_moved=rest_moved,
+        rest_moved=moved,
         rest_speed=speed,
         pierced=pierced(staged, paths),
     )
 
 
 def _player(staged: Staged, sub_steps: int, membrane: str) -> Player:
-    point = Point(kind="", solver="xpbd", sub_steps=sub_steps, passes=1, membrane=membrane)
+    point = Point(
+        kind="",
+        solver="xpbd",
+        sub_steps=sub_steps,
+        passes=1,
+        membrane=membrane,
+        options=(("search_every", _SEARCH_EVERY),),
+    )
     return Player(staged, point.arguments(staged.scene.frame))
-
-
-def _converged(
-    make: Callable[[int], Player],
-    at: Snapshot,
-    frames: tuple[int, int],
-    counts: tuple[int, float],
-    change: float,
-) -> tuple[dict[str, SingleArray], int, float, Snapshot]:
-    """Path, sub-steps, last change [mm] and end of one segment.
-
-    Where single precision or chaos has the change grow again, that with the least change is it.
-    """
-    count, most = counts
-    path: dict[str, SingleArray] = {}
-    best: tuple[dict[str, SingleArray], int, float, Snapshot] | None = None
-    while True:
-        player = make(count)
-        player.put_on(settle=False)
-        player.begin(at)
-        finer = player.play(*frames).paths
-        moved = distance_mm(path, finer) if path else np.inf
-        if best is None or moved < best[2]:
-            best = finer, count, moved, player.snapshot(frames[1])
-        if best[2] < change or 2 * count > most:
-            return best
-        path = finer
-        count *= 2
-
-
-def _chaos(
-    player: Player, at: Snapshot, frames: tuple[int, int], path: dict[str, SingleArray]
-) -> float:
-    """How far a segment ends up from its path [mm] when its start is a little off."""
-    rng = np.random.default_rng(0)
-    x = {
-        name: (x + SHAKEN * rng.standard_normal(x.shape)).astype(np.float32)
-        for name, x in at.x.items()
-    }
-    player.put_on(settle=False)
-    player.begin(Snapshot(frame=at.frame, x=x, v=at.v))
-    return distance_mm(player.play(*frames).paths, path)
 
 
 def _rest(
     staged: Staged, at: Snapshot, sub_steps: int, membrane: str
 ) -> tuple[dict[str, SingleArray], float, float]:
-    """The shape at rest [m], how far it still moved [mm], and its speed [mm/s]."""
+    """The shape at rest [m], how far it still moved [mm], and its speed [mm/s]; nan in gusts."""
+    if not staged.scene.rests:
+        return {}, np.nan, np.nan
     dt, end = staged.scene.frame, staged.frames
     rough = _player(staged, round(_DEFAULT * dt * 60.0), membrane)
     rough.put_on(settle=False)

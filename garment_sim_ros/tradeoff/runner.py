@@ -20,7 +20,7 @@ from garment_sim_ros.tradeoff.metrics import (
 )
 from garment_sim_ros.tradeoff.playing import Played, Player
 from garment_sim_ros.tradeoff.points import Point
-from garment_sim_ros.tradeoff.reference import Reference, reference, segments
+from garment_sim_ros.tradeoff.reference import Reference, reference
 from garment_sim_ros.tradeoff.scenes import Staged, staged_scene
 from garment_sim_ros.tradeoff.table import Row
 
@@ -74,37 +74,31 @@ def _row(scene: str, point: Point, seconds: float, file: Path, figures: Callable
 
 
 def glance(staged: Staged, point: Point, against: Reference, share: int) -> Row:
-    """Faults, cost and error of a setting in the first segments of the motion.
+    """Faults, cost and error of a setting in the first part of the motion.
 
     Args:
         staged: The scene.
         point: The setting.
         against: The scene's reference, with the same colliders.
-        share: One over the share of the segments, one of them at least.
+        share: One over the share of the motion; a segment that begins in it is in it.
 
     Raises:
         GarmentSimError: It cannot be simulated.
     """
     player = Player(staged, point.arguments(staged.scene.frame))
     player.put_on(settle=False)
-    parts = segments(staged)
-    processor, squares, faults = [], [], set()
-    for start, (first, last) in list(zip(against.starts, parts))[: -(-len(parts) // share)]:
-        player.begin(start)
-        played = player.play(first, last)
-        processor += played.processor
-        if not is_finite(played.paths):
-            faults.add("not finite")
-            break
-        if pierced(staged, played.paths) > 0.0:
-            faults.add("pierced")
-        whole = {name: x[first : last + 1] for name, x in against.paths.items()}
-        squares.append((distance_mm(played.paths, whole) ** 2, last - first))
-    figures: Row = {"hot_ms": plain(1e3 * float(np.median(processor)))}
-    if squares:
-        mean = sum(s * n for s, n in squares) / sum(n for _, n in squares)
-        figures["trajectory_mm"] = plain(float(np.sqrt(mean)))
-    return {"faults": sorted(faults), **figures}
+    end = -(-staged.frames // share)
+    player.begin(against.starts[0])
+    played = player.play(0, end)
+    faults = []
+    if not is_finite(played.paths):
+        faults = ["not finite"]
+    elif pierced(staged, played.paths) > 0.0:
+        faults = ["pierced"]
+    figures: Row = {"hot_ms": plain(1e3 * float(np.median(played.processor)))}
+    if faults != ["not finite"]:
+        figures["trajectory_mm"] = plain(_trajectory_mm(player, against, end))
+    return {"faults": faults, **figures}
 
 
 def measure(staged: Staged, point: Point, against: Reference, repeats: int = 3) -> Row:
@@ -157,13 +151,14 @@ def _judged(
     if not (is_finite(played.paths) and is_finite(held.paths)):
         return ["not finite"], {}
     figures: Row = worn_figures(staged, played.paths)
-    figures["rest_speed_mm_s"] = rest_speed_mm_s(held.paths, staged.scene.frame)
+    if staged.scene.rests:
+        figures["rest_speed_mm_s"] = rest_speed_mm_s(held.paths, staged.scene.frame)
     loose = [*played.let_go, *held.let_go][round(_LOOSE / staged.scene.frame) :]
     figures["dropped"] = max(loose)
     figures["mended"] = mended
     found = {
         "pierced": figures["pierced"] > 0.0,
-        "not at rest": figures["rest_speed_mm_s"] > max(REST, 2.0 * against.rest_speed),
+        "not at rest": figures.get("rest_speed_mm_s", 0.0) > max(REST, 2.0 * against.rest_speed),
         "dropped contacts": figures["dropped"] > 0,
         "put right": mended > 0,
     }
@@ -182,16 +177,34 @@ def _hot(runs: list[Played]) -> Row:
 
 
 def _errors(player: Player, against: Reference) -> Row:
-    """Errors against the reference; the same frames are paced, and their time is taken."""
-    staged, processor, wall, parts = player.staged, [], [], []
-    for start, (first, last) in zip(against.starts, segments(staged)):
-        player.begin(start)
-        played = player.play(first, last, paced=True)
-        processor += played.processor
-        wall += played.wall
-        whole = {name: x[first : last + 1] for name, x in against.paths.items()}
-        parts.append((distance_mm(played.paths, whole), last - first))
-    squares = [error**2 * frames for error, frames in parts]
+    """Errors against the reference, and what frames take when they are paced."""
+    player.begin(against.starts[0])
+    paced = player.play(0, player.staged.frames, paced=True)
+    return {
+        "trajectory_mm": _trajectory_mm(player, against, player.staged.frames),
+        "static_mm": _static_mm(player, against) if against.rest else None,
+        "paced_ms": 1e3 * float(np.median(paced.processor)),
+        "paced_ms_p95": 1e3 * float(np.percentile(paced.processor, 95.0)),
+        "paced_wall_ms": 1e3 * float(np.median(paced.wall)),
+    }
+
+
+def _trajectory_mm(player: Player, against: Reference, end: int) -> float:
+    """RMS distance from the reference in the segments that begin before a frame [mm]."""
+    squares, frames = 0.0, 0
+    for start, (first, last) in zip(against.starts, against.segments):
+        if first < end:
+            player.begin(start)
+            paths = player.play(first, last).paths
+            whole = {name: x[first : last + 1] for name, x in against.paths.items()}
+            squares += distance_mm(paths, whole) ** 2 * (last - first)
+            frames += last - first
+    return float(np.sqrt(squares / frames))
+
+
+def _static_mm(player: Player, against: Reference) -> float:
+    """RMS distance from the reference's rest shape, where it was put, some time later [mm]."""
+    staged = player.staged
     end = staged.frames
     still = player.snapshot(end)
     for name, x in against.rest.items():
@@ -199,14 +212,7 @@ def _errors(player: Player, against: Reference) -> Row:
         still.v[name][:] = 0.0
     player.begin(still)
     alone = player.play(end, end + max(12, round(_STATIC / staged.scene.frame)))
-    last_shape = {name: x[-1] for name, x in alone.paths.items()}
-    return {
-        "trajectory_mm": float(np.sqrt(sum(squares) / sum(n for _, n in parts))),
-        "static_mm": distance_mm(last_shape, against.rest),
-        "paced_ms": 1e3 * float(np.median(processor)),
-        "paced_ms_p95": 1e3 * float(np.percentile(processor, 95.0)),
-        "paced_wall_ms": 1e3 * float(np.median(wall)),
-    }
+    return distance_mm({name: x[-1] for name, x in alone.paths.items()}, against.rest)
 
 
 def plain(value: Any) -> Any:

@@ -71,6 +71,11 @@ class Scene:
     environment: Mapping[str, Any] = field(default_factory=dict)
 
     @property
+    def rests(self) -> bool:
+        """Whether its garments come to rest in the end: in gusts they do not."""
+        return not self.environment.get("gust")
+
+    @property
     def files(self) -> tuple[tuple[str, str], ...]:
         """Folder and name of the files of the data that it needs."""
         asked = (("bodies", self.body), ("mocap", self.clip))

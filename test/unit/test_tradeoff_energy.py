@@ -7,7 +7,9 @@ import pytest
 
 from garment_sim_ros.constants import GRAVITY
 from garment_sim_ros.garment.garment import Garment
+from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import Material
+from garment_sim_ros.sim.elastic import ElasticEdges
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.tradeoff import scenes
 from garment_sim_ros.tradeoff.energy import Elastic, drift, energies, energy_drift, undamped
@@ -81,10 +83,11 @@ class TestKnown:
 class TestElastic:
     FABRIC = Material(stretch_stiffness_warp=900.0, stretch_stiffness_weft=400.0)
 
-    def model(self, **values):
-        cloth = Garment.sheet(0.4, 0.4, edge=0.1, upright=True)
+    CLOTH = Garment.sheet(0.4, 0.4, edge=0.1, upright=True)
+
+    def model(self, elastic=None, **values):
         fabric = replace(self.FABRIC, shear_stiffness=0.0, poisson_ratio=0.0, **values)
-        return build_model("a", cloth.vertices, cloth.triangles, fabric)
+        return build_model("a", self.CLOTH.vertices, self.CLOTH.triangles, fabric, elastic=elastic)
 
     @pytest.mark.parametrize(("axis", "stiffness"), [(2, 900.0), (0, 400.0)])
     @pytest.mark.parametrize("kind", ["springs", "triangles"])
@@ -95,6 +98,24 @@ class TestElastic:
         assert elastic.energy(x) == pytest.approx(0.0, abs=1e-12)
         x[:, axis] *= 1.02
         assert elastic.energy(x) == pytest.approx(0.5 * stiffness * 0.02**2 * 0.16, rel=0.02)
+
+    @pytest.mark.parametrize("kind", ["springs", "triangles"])
+    def test_a_band_stores_its_work_beside_the_cloth(self, kind):
+        """From slack at s of length l, tension T at l: T / (1 - s) / l / 2 (length - s l)^2."""
+        edges = mesh_topology(self.CLOTH.triangles).edges
+        way = np.diff(self.CLOTH.vertices[edges], axis=1)[:, 0]
+        edges = edges[np.abs(way[:, 0]) < 1e-9][:3].astype(np.int32)
+        tension, slack, pulled = 5.0, 0.8, 1.1
+        bands = ElasticEdges(edges, np.full(3, tension), np.full(3, slack))
+        gained = []
+        for elastic in (None, bands):
+            model = self.model(elastic)
+            stored, x = Elastic.of(model, kind), model.rest.copy()
+            before = stored.energy(x)
+            x[:, 2] *= pulled
+            gained.append(stored.energy(x) - before)
+        one = tension / (1.0 - slack) * 0.1 / 2.0 * ((pulled - slack) ** 2 - (1.0 - slack) ** 2)
+        assert gained[1] - gained[0] == pytest.approx(3.0 * one, rel=1e-4)
 
     def test_a_bent_sheet_stores_half_of_its_rigidity_times_squared_curvature(self):
         model = self.model(bending_stiffness=0.01)
