@@ -17,7 +17,10 @@ from garment_sim_ros.errors import GeometryError, ParameterError
 from garment_sim_ros.garment.colours import garment_colour
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.materials import PRESETS
+from garment_sim_ros.garment.measures import Measures
+from garment_sim_ros.garment.mesh import UNITS, UP_AXES
 from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.garment.patterns.gates import of_mesh
 from garment_sim_ros.garment.patterns.making import DRAFTS, Made, Model, make, worn_together
 from garment_sim_ros.input_file import is_file
 from garment_sim_ros.recording.dress_pictures import dressed_picture, stacked
@@ -27,6 +30,7 @@ from garment_sim_ros.recording.sewing_steps import steps_picture
 EXAMPLE = "garment-sim dress --body mannequin --garment tshirt --out tshirt.yaml"
 
 _MESHES = (".obj", ".ply", ".glb", ".gltf")
+_OF_MESHES = ("shortest_edge", "deviation", "unit", "up", "made_on")
 _OF_NAMES = re.compile(r"[^a-z0-9_]+")
 _PHASES = ("cutting", "sewing", "joining", "draping")
 
@@ -68,6 +72,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         help="how far edges may be from the mesh as it was, with --shortest-edge [m]",
     )
+    parser.add_argument("--unit", choices=tuple(UNITS), help="unit of meshes; default: m")
+    parser.add_argument("--up", choices=UP_AXES, help="up axis of meshes; default: y")
+    parser.add_argument(
+        "--made-on", metavar="F", help="body that meshes were made for; default: the wearer"
+    )
     parser.add_argument("--preview", metavar="F.png", type=Path, help="picture; default: F.png")
     parser.add_argument(
         "--steps", metavar="F.png", type=Path, help="picture of the pieces flat, placed and sewn"
@@ -85,10 +94,12 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if args.out.suffix not in (".yaml", ".yml"):
         raise ParameterError("--out", f"found {str(args.out)!r:.80}", "allowed: a .yaml file")
     names = _names(args.garment)
-    if args.shortest_edge is not None and not any(map(_is_mesh, names.values())):
-        raise ParameterError("--shortest-edge", "given without a mesh", "allowed: with one")
     if args.deviation is not None and args.shortest_edge is None:
         raise ParameterError("--deviation", "given without --shortest-edge", "allowed: with it")
+    for option in _OF_MESHES:
+        if getattr(args, option) is not None and not any(map(_is_mesh, names.values())):
+            flag = f"--{option.replace('_', '-')}"
+            raise ParameterError(flag, "given without a mesh", "allowed: with one")
     model = Model(load_body(args.body))
     if args.measures:
         _print_measures(model)
@@ -103,7 +114,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
                 entry = {"name": name, "mesh": file, "material": made[name].material}
                 figures[name] = _figures(name, made[name])
             else:
-                entry, figures[name] = _fit_mesh(source, name, args, stage)
+                entry, figures[name] = _fit_mesh(source, name, args, stage, model)
             entries.append(entry)
         text = yaml.safe_dump({"version": 1, "garments": entries}, sort_keys=False)
         (stage / args.out.name).write_text(text, encoding="utf-8")
@@ -139,7 +150,7 @@ def _figures(name: str, made: Made) -> dict[str, Any]:
     """Sizes and gates of one garment, printed too."""
     count, triangles = len(made.sewn.vertices), len(made.sewn.triangles)
     print(f"{name}: {count} vertices, {triangles} triangles, {made.fabric}")
-    for line in made.gates.lines():
+    for line in (*made.pieces.pattern.notes, *made.gates.lines()):
         print(f"  {line}")
     return {
         "vertices": count,
@@ -174,14 +185,16 @@ def _save(picture: Image.Image, path: Path, stage: Path, option: str) -> None:
 
 
 def _fit_mesh(
-    source: str, name: str, args: argparse.Namespace, stage: Path
+    source: str, name: str, args: argparse.Namespace, stage: Path, model: Model
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """A mesh repaired, refined and put outside of the colliders that it will be worn on."""
     avatar = Avatar.load(args.body)
     options: dict[str, Any] = {} if args.fabric is None else {"material": args.fabric}
-    for option in ("edge_length", "shortest_edge", "deviation"):
+    for option in ("edge_length", *_OF_MESHES):
         if (value := getattr(args, option)) is not None:
             options[option] = value
+    if is_file(options.get("made_on", "")):
+        options["made_on"] = str(Path(options["made_on"]).resolve())
     if "shortest_edge" in options:
         options["remesh"] = "curved"
     outfit = avatar.dress(source, name=name, **options)
@@ -191,6 +204,10 @@ def _fit_mesh(
     file = f"{args.out.stem}_{name}.obj"
     _write_obj(stage / file, garment)
     print(f"{name}: {len(garment.vertices)} vertices, {len(garment.triangles)} triangles")
+    skin = Measures(model.body).vertices  # at rest, as meshes are given
+    figures = of_mesh(garment.vertices, garment.triangles, skin, model.body.skin.triangles)
+    for line in figures.lines():
+        print(f"  {line}")
     entry = {
         "name": name,
         "mesh": file,
@@ -200,7 +217,8 @@ def _fit_mesh(
     return entry, {
         "vertices": len(garment.vertices),
         "triangles": len(garment.triangles),
-        "failed": [],
+        **figures.figures,
+        "failed": list(figures.failed),
     }
 
 

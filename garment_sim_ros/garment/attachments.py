@@ -24,6 +24,7 @@ _MOST_ROUNDS = 10_000
 _TAIL = 6.5  # standard deviations of the walk beyond which nothing is left in float64
 _SLEEVE = 0.45  # of the upper arm's length: what is farther from its bone is no sleeve
 _SLEEVE_PINS = 0.35  # place along the upper arm
+_HOLE = 0.15  # an open edge up to so much of the longest one is a hole, no waist
 _SHOULDER_PINS = (0.3, 0.55, 0.8)  # places from the neck's side to the shoulder joint
 
 
@@ -127,7 +128,7 @@ def smoothed(neighbours: sp.csr_matrix, values: FloatArray, rounds: int) -> Floa
 
 
 def waist_pins(mesh: GarmentMesh) -> IntArray:
-    """The boundary loop that lies highest: the waist of skirts and trousers.
+    """The open edge that lies highest: the waist of skirts and trousers. Holes are none.
 
     Raises:
         GeometryError: The garment has no open boundary.
@@ -135,7 +136,10 @@ def waist_pins(mesh: GarmentMesh) -> IntArray:
     loops = boundary_loops(mesh.triangles)
     if not loops:
         raise GeometryError("the garment has no open edge to pin at the waist")
-    return np.sort(max(loops, key=lambda loop: mesh.vertices[loop, 2].mean()))
+    x = mesh.vertices
+    around = [np.linalg.norm(x[loop] - x[np.roll(loop, 1)], axis=1).sum() for loop in loops]
+    wide = [loop for loop, w in zip(loops, around, strict=True) if w > _HOLE * max(around)]
+    return np.sort(max(wide, key=lambda loop: x[loop, 2].mean()))
 
 
 def shoulder_pins(measures: Measures, mesh: GarmentMesh) -> IntArray:

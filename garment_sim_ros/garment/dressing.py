@@ -30,14 +30,17 @@ from garment_sim_ros.garment.letting_out import let_out
 from garment_sim_ros.garment.listed_holds import listed_bands, listed_pins
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
+from garment_sim_ros.garment.mesh_checks import OFF_THE_BODY
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.placement import SoftAttachments
 
-_OFF_THE_BODY = 0.3  # median distance to the skin from which a garment is not on it [m]
 _DEEPEST = 0.03  # vertices deeper under the skin than this are not a fit of millimetres [m]
+_MOST_DEEP = 0.4  # share of vertices so deep from which a garment is in the body, not on it
+_MANY_DEEP = 0.05  # likewise from which it looks like one for another body
 _MAX_DISTANCE = 0.1  # how far a shirt may get from where it was put on [m]
+_OTHER_BODY = "was it made for another body? name that with made_on"
 _CLEARANCE = 0.002  # where vertices under the skin are put [m]
 
 
@@ -240,7 +243,7 @@ def _put_outside(
     distance = MeshDistance(measures.vertices, covered)
     gap, closest, _ = distance.signed_distance(mesh.vertices)
     away = float(np.median(np.abs(gap)))
-    if away > _OFF_THE_BODY * unit:
+    if away > OFF_THE_BODY * unit:
         raise GeometryError(
             f"garment {name!r} is {away:.3g} m away from {measures.body.name}; allowed: one in "
             "its place on the body (is its unit or its up axis another one?)"
@@ -269,7 +272,13 @@ def _put_outside(
         )
     deep = gap <= -_DEEPEST * unit
     if deep.any():
-        notes += (f"{deep.sum()} vertices are over {1e3 * _DEEPEST * unit:.0f} mm under the skin",)
+        found = f"{deep.sum()} vertices are over {1e3 * _DEEPEST * unit:.0f} mm under the skin"
+        if deep.mean() > _MOST_DEEP:
+            raise GeometryError(
+                f"garment {name!r} is in {measures.body.name}, not on it: {found} of "
+                f"{len(deep)}; allowed: up to {100.0 * _MOST_DEEP:.0f} % ({_OTHER_BODY})"
+            )
+        notes += (found + f" ({_OTHER_BODY})" * bool(deep.mean() > _MANY_DEEP),)
     return replace(mesh, vertices=vertices, triangles=triangles, flat=flat, notes=()), notes
 
 

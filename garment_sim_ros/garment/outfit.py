@@ -1,12 +1,16 @@
 """Outfits: the garments of a file made for one body."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 
+import numpy as np
+
+from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.contact.shapes import ColliderSet
@@ -20,6 +24,7 @@ from garment_sim_ros.garment.holds import AUTOMATIC, Holds
 from garment_sim_ros.garment.layering import Cut, layers_of, with_room
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh, load_garment_mesh
+from garment_sim_ros.garment.mesh_checks import check_place, check_sheet, loose_parts
 from garment_sim_ros.garment.outfit_file import ANEW, GarmentEntry, OutfitFile, read_outfit
 from garment_sim_ros.params import ColliderOptions, idle
 from garment_sim_ros.sim.self_collision.garment import own_distance
@@ -149,6 +154,49 @@ def _names_vertices(entry: GarmentEntry) -> bool:
     return any(d.vertices is not None for d in distances) or any(p.by_number for p in placed)
 
 
+@contextmanager
+def _naming(file: Path | None) -> Iterator[None]:
+    """What is wrong with a surface is said of its file."""
+    try:
+        yield
+    except GeometryError as error:
+        problem, _, allowed = str(error).partition("; ")
+        raise InputFileError(file, problem, allowed) from error
+
+
+def _from_file(
+    source: str, entry: GarmentEntry, measures: Measures
+) -> tuple[GarmentMesh, FloatArray | None]:
+    """The surface of a file as an outfit asks for it, and its rest shape where that is given.
+
+    Raises:
+        InputFileError: It cannot be used, or is nowhere near the body that it was made for.
+    """
+    assert entry.mesh is not None
+    o = entry.options
+    mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up)
+    made_on = _made_on(source, o.made_on) if o.made_on else None
+    with _naming(entry.mesh):
+        check_sheet(mesh)
+        check_place(mesh, Measures(made_on) if made_on else measures, o.unit, o.up)
+    if mesh.flat is not None and o.remesh in ANEW:
+        raise InputFileError(
+            source,
+            f"garment {entry.name!r}: remesh: {entry.mesh.name} was cut from flat panels",
+            "allowed: auto or never; `garment-sim dress` cuts it anew",
+        )
+    if o.remesh in ANEW or (
+        o.remesh == "auto" and mesh.flat is None and is_uneven(mesh) and not _names_vertices(entry)
+    ):
+        mesh = evened(mesh, o.sizes())
+    else:
+        mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up, edge_length=o.edge_length)
+    given = mesh.vertices if o.rest == "given" and mesh.flat is None else None
+    if made_on:
+        mesh = carried_over(mesh, made_on, measures.body)
+    return mesh, given
+
+
 def _make(
     source: str,
     entry: GarmentEntry,
@@ -156,33 +204,14 @@ def _make(
     colliders: ColliderSet | None,
     mesh: GarmentMesh | None,
 ) -> tuple[Cut, tuple[str, ...]]:
-    given = None
+    given, from_file = None, False
     if mesh is not None:
         pass
     elif entry.generator is not None:
         mesh, measures = GENERATORS[entry.generator].make(measures, entry.options)
     else:
-        assert entry.mesh is not None
-        o = entry.options
-        mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up)
-        if mesh.flat is not None and o.remesh in ANEW:
-            raise InputFileError(
-                source,
-                f"garment {entry.name!r}: remesh: {entry.mesh.name} was cut from flat panels",
-                "allowed: auto or never; `garment-sim dress` cuts it anew",
-            )
-        if o.remesh in ANEW or (
-            o.remesh == "auto"
-            and mesh.flat is None
-            and is_uneven(mesh)
-            and not _names_vertices(entry)
-        ):
-            mesh = evened(mesh, o.sizes())
-        else:
-            mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up, edge_length=o.edge_length)
-        given = mesh.vertices if o.rest == "given" and mesh.flat is None else None
-        if o.made_on:
-            mesh = carried_over(mesh, _made_on(source, o.made_on), measures.body)
+        mesh, given = _from_file(source, entry, measures)
+        from_file = True
     if mesh.flat is not None and measures.has_arms:
         measures = measures.with_arms_away()  # as it was sewn
     try:
@@ -198,4 +227,7 @@ def _make(
     if apart is True:
         apart = own_distance(garment.vertices, garment.triangles, garment.material)
     garment = replace(garment, self_collision=apart or None, rest=given)
+    if from_file:
+        held = [garment.pins, *([garment.soft.vertices] if garment.soft else [])]
+        notes += loose_parts(garment.vertices, garment.triangles, np.concatenate(held))
     return Cut(garment=garment, measures=measures), (*mesh.notes, *notes)

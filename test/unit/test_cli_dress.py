@@ -65,6 +65,8 @@ def test_a_skirt_is_sewn_written_and_worn(tmp_path, capsys):
         (["--garment", "tshirt", "--edge-length", "-1"], "edge_length"),
         (["--garment", "tshirt", "--body", "nobody.glb"], "nobody.glb"),
         (["--garment", "tshirt", "--shortest-edge", "0.01"], "--shortest-edge: given without a"),
+        (["--garment", "tshirt", "--unit", "cm"], "--unit: given without a mesh"),
+        (["--garment", "tshirt", "--made-on", "mannequin"], "--made-on: given without a mesh"),
         (["--garment", "tshirt", "--deviation", "0.01"], "--deviation: given without --shortest"),
     ],
 )

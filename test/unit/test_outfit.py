@@ -243,7 +243,7 @@ def test_mesh_garment_beside_its_outfit(tmp_path, body):
     assert (outward > 0).mean() > 0.95
 
     far = text.replace("unit: mm", "unit: cm")
-    with pytest.raises(InputFileError, match="is its unit or its up axis another one"):
+    with pytest.raises(InputFileError, match="with unit mm it is"):
         load_outfit(outfit(tmp_path, far), body)
 
 

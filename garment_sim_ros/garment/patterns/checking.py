@@ -88,6 +88,10 @@ def _check_panel(pattern: Pattern, panel: Panel) -> None:
         )
     if self_crossing(panel.outline[:: max(1, len(panel.outline) // 1500)]):
         raise _fault(pattern, f"{what} crosses itself", "an outline that does not")
+    if abs(panel.area) < SHORTEST * extent.max():
+        raise _fault(
+            pattern, f"{what} has no area ({panel.area:.2g} m^2)", "a panel wider than a thread"
+        )
     if not panel.area > 0.0:
         raise _fault(pattern, f"{what} is mirrored: it runs clockwise", "counter-clockwise")
 

@@ -110,26 +110,28 @@ def _panel(
     outline = np.concatenate(
         [c[:-1] for c in _made(name, corners, [edges[k] for k in chain], turn).curves]
     )
-    if signed_area(outline) < 0.0:  # its right side is backwards: seen from behind it is flipped
+    clockwise = signed_area(outline) < 0.0
+    if clockwise:  # its right side is backwards: seen from behind it is flipped
         turn = turn @ np.diag([-1.0, 1.0, -1.0, 1.0])
         corners = corners * [-1.0, 1.0]
-        edges = [_flipped(edge) for edge in edges]
-    panel = _made(name, corners, [edges[k] for k in chain], turn, str(entry.get("label", ""))[:60])
+        edges = [edge.flipped for edge in edges]
+    panel = replace(
+        _made(name, corners, [edges[k] for k in chain], turn),
+        label=str(entry.get("label", ""))[:60],
+        clockwise=clockwise,
+    )
     place = [0] * len(edges)
     for position, k in enumerate(chain):
         place[k] = position
     return panel, place
 
 
-def _made(
-    name: str, corners: FloatArray, edges: Sequence[Edge], turn: FloatArray, label: str = ""
-) -> Panel:
+def _made(name: str, corners: FloatArray, edges: Sequence[Edge], turn: FloatArray) -> Panel:
     return Panel(
         name=name,
         corners=corners,
         edges=tuple(edges),
         placement=Placement(T_world_panel=turn),
-        label=label,
     )
 
 
@@ -195,28 +197,6 @@ def _edge(what: str, entry: object, corners: FloatArray, metre: float, relative:
     )
 
 
-def _flipped(edge: Edge) -> Edge:
-    """The edge of a panel seen from behind: x changes its sign, and arcs their side."""
-    arc = edge.arc
-    return replace(
-        edge,
-        controls=tuple((-x, y) for x, y in edge.controls),
-        arc=None if arc is None else replace(arc, right=not arc.right),
-    )
-
-
-def _turned(edge: Edge) -> Edge:
-    """The same edge run through from its end."""
-    arc = edge.arc
-    return replace(
-        edge,
-        start=edge.end,
-        end=edge.start,
-        controls=edge.controls[::-1],
-        arc=None if arc is None else replace(arc, right=not arc.right),
-    )
-
-
 def _in_order(what: str, edges: Sequence[Edge]) -> tuple[list[int], list[Edge]]:
     """Numbers of the edges as they follow each other; all edges, those that ran back turned."""
     at: dict[int, list[int]] = {}
@@ -241,13 +221,13 @@ def _in_order(what: str, edges: Sequence[Edge]) -> tuple[list[int], list[Edge]]:
         if n == 0:
             break
         if along[n].start != along[last].end:
-            along[n] = _turned(along[n])
+            along[n] = along[n].backwards
         chain.append(n)
     if len(chain) < len(edges):
         raise GeometryError(f"{what} has more than one outline; allowed: one")
     if 2 * sum(a is not b for a, b in zip(along, edges, strict=True)) > len(edges):
         # Most run the other way round, which tells the right side.
-        chain, along = [chain[0], *chain[:0:-1]], [_turned(edge) for edge in along]
+        chain, along = [chain[0], *chain[:0:-1]], [edge.backwards for edge in along]
     return chain, along
 
 

@@ -69,15 +69,13 @@ def gates(
     """
     x, t = sewn.vertices, sewn.triangles
     edges = mesh_topology(t).edges
-    samples = np.concatenate([x, x[edges].mean(axis=1), x[t].mean(axis=1)])
-    depth = -MeshDistance(skin, skin_triangles).signed_distance(samples)[0]
     limbs = PiercedSoFar(colliders, ["sewn"])
     limbs.add(poses, {"sewn": (x, t)})
     through = limbs.now["sewn"]
     stretch = strains(sewn, edges)
     return Gates(
         figures={
-            "penetration_mm_p99": max(0.0, 1e3 * float(np.percentile(depth, 99.0))),
+            "penetration_mm_p99": depth_mm(x, t, skin, skin_triangles),
             "pierced": float(len(through)),
             "self_intersections": float(len(self_intersections(x, t))),
             "seam_gap_mm": 1e3 * max(sewn.gaps, default=0.0),
@@ -86,6 +84,31 @@ def gates(
         },
         pierced_by=through,
     )
+
+
+def of_mesh(x: FloatArray, t: IntArray, skin: FloatArray, skin_triangles: IntArray) -> Gates:
+    """What can be measured of a garment that is not sewn; arguments as for `depth_mm`."""
+    return Gates(
+        figures={
+            "penetration_mm_p99": depth_mm(x, t, skin, skin_triangles),
+            "self_intersections": float(len(self_intersections(x, t))),
+        }
+    )
+
+
+def depth_mm(x: FloatArray, t: IntArray, skin: FloatArray, skin_triangles: IntArray) -> float:
+    """Depth of vertices and middles of edges and triangles, 99th percentile [mm].
+
+    Args:
+        x: Vertices of a garment [m], shape [v, 3].
+        t: Its triangles, shape [t, 3].
+        skin: The body's skin [m], shape [s, 3].
+        skin_triangles: Shape [u, 3].
+    """
+    edges = mesh_topology(t).edges
+    samples = np.concatenate([x, x[edges].mean(axis=1), x[t].mean(axis=1)])
+    depth = -MeshDistance(skin, skin_triangles).signed_distance(samples)[0]
+    return max(0.0, 1e3 * float(np.percentile(depth, 99.0)))
 
 
 def strains(sewn: Sewn, edges: IntArray) -> FloatArray:

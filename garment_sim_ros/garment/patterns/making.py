@@ -32,8 +32,11 @@ from garment_sim_ros.garment.patterns.parted import parted
 from garment_sim_ros.garment.patterns.pattern import Pattern
 from garment_sim_ros.garment.patterns.pieces import Pieces, cut, edge_length_for
 from garment_sim_ros.garment.patterns.placing import placed_clear
+from garment_sim_ros.garment.patterns.rolling import rolled_tubes
 from garment_sim_ros.garment.patterns.sewing import PRESET, Sewn, Tell, sew
+from garment_sim_ros.garment.patterns.staying_up import check_up
 from garment_sim_ros.garment.patterns.tape import Tape, measured
+from garment_sim_ros.garment.patterns.turning_over import facing_outwards
 from garment_sim_ros.garment.sewn_file import write_sewn
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.params import ColliderOptions, Material
@@ -270,6 +273,8 @@ def make(
         raise ParameterError("fabric", f"found {fabric[:60]!r}", f"allowed: {', '.join(PRESETS)}")
     tell("cutting", 0.0)
     pattern, usual, vertices = pattern_for(source, model)
+    pattern = facing_outwards(pattern, model.distance)
+    pattern = rolled_tubes(pattern, model.skin, model.body.skin.triangles, model.body.name)
     fabric = fabric or usual
     if edge_length is None:
         edge_length = edge_length_for(pattern, vertices) if vertices else EDGE_LENGTH
@@ -281,6 +286,7 @@ def make(
     sewn = sew(pieces, placed, model, PRESETS[fabric].material, tell=tell)
     if not np.isfinite(sewn.vertices).all():
         raise GeometryError(f"pattern {pattern.name!r}: it did not hold together as it was sewn")
+    check_up(pieces, sewn, model.skin)
     return Made(
         name=pattern.name,
         pieces=pieces,

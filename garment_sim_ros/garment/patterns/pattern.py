@@ -43,6 +43,28 @@ class Edge:
     arc: Arc | None = None
     label: str = ""
 
+    @property
+    def flipped(self) -> "Edge":
+        """That of a panel seen from behind: x changes its sign, and arcs their side."""
+        arc = self.arc
+        return replace(
+            self,
+            controls=tuple((-x, y) for x, y in self.controls),
+            arc=None if arc is None else replace(arc, right=not arc.right),
+        )
+
+    @property
+    def backwards(self) -> "Edge":
+        """The same edge run through from its end."""
+        arc = self.arc
+        return replace(
+            self,
+            start=self.end,
+            end=self.start,
+            controls=self.controls[::-1],
+            arc=None if arc is None else replace(arc, right=not arc.right),
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
@@ -120,6 +142,7 @@ class Panel:
         placement: Where it starts.
         grain: Direction of the warp in its plane, shape [2].
         label: The body part that it covers, as "body", "arm" or "leg"; empty: not told.
+        clockwise: Whether its file draws it clockwise, which puts its right side backwards.
     """
 
     name: str
@@ -128,6 +151,7 @@ class Panel:
     placement: Placement
     grain: tuple[float, float] = (0.0, 1.0)
     label: str = ""
+    clockwise: bool = False
 
     @cached_property
     def curves(self) -> tuple[FloatArray, ...]:
@@ -148,6 +172,12 @@ class Panel:
     def area(self) -> float:
         """Its area [m^2]; below 0 where it runs clockwise."""
         return signed_area(self.outline)
+
+    def shifted(self, x: float) -> "Panel":
+        """The same, drawn so much farther along x [m], its placement as it is."""
+        by = np.array([x, 0.0])
+        edges = (replace(e, controls=tuple((u + x, v) for u, v in e.controls)) for e in self.edges)
+        return replace(self, corners=self.corners + by, edges=tuple(edges))
 
     def _curve(self, edge: Edge) -> FloatArray:
         start, end = self.corners[edge.start], self.corners[edge.end]

@@ -8,6 +8,7 @@ from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.patterns.pattern import Panel, Placement
 from garment_sim_ros.garment.patterns.pieces import Pieces
+from garment_sim_ros.garment.patterns.turning_over import INWARDS, facing
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import vertex_normals
 
@@ -151,7 +152,7 @@ def _on_top(pieces: Pieces) -> IntArray:
 def _check_side(
     what: str, x: FloatArray, triangles: FloatArray, body: MeshDistance, body_name: str
 ) -> None:
-    gap, closest, _ = body.signed_distance(x)
+    gap = body.signed_distance(x)[0]
     if np.abs(gap).min() > _TOO_FAR:
         raise GeometryError(
             f"{what} is {np.abs(gap).min():.3g} m away from {body_name}; allowed: a pattern "
@@ -159,11 +160,11 @@ def _check_side(
         )
     normal = np.zeros_like(x)
     vertex_normals(x, np.ascontiguousarray(triangles, np.int32), normal)
-    outward = (x - closest) * np.sign(gap)[:, None]
-    outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-12)
-    if (normal * outward).sum(axis=1).mean() < -0.2:
+    if facing(x, normal, body) < INWARDS:
         raise GeometryError(
-            f"{what} is mirrored: its right side faces {body_name}; allowed: right sides outwards"
+            f"{what} is mirrored: its right side faces {body_name}; allowed: right sides outwards "
+            "(before the body drawn counter-clockwise; behind it clockwise, or turned by 180 "
+            "degrees about the vertical)"
         )
 
 

@@ -1,0 +1,122 @@
+"""What is wrong with a mesh from a file as a garment of a body, in one line."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from garment_sim_ros.arrays import FloatArray, IntArray
+from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.garment.connectivity import components
+from garment_sim_ros.garment.measures import Measures
+from garment_sim_ros.garment.mesh import UNITS, UP_AXES
+from garment_sim_ros.garment.mesh_data import GarmentMesh
+from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.topology import edge_table
+from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP
+
+OFF_THE_BODY = 0.3
+"""Median distance to the skin from which a garment is not on it [m]."""
+_SMALLEST = 0.05
+"""Smallest extent of a garment on a person of 1.65 m [m]."""
+_LIKELY = 0.15
+"""Likewise, of one that is told to be in another unit [m]."""
+_SHEETS = 0.25
+"""How far apart two sheets are that lie on each other, in sizes of their triangles."""
+_OPPOSITE = -0.9
+
+
+def check_sheet(mesh: GarmentMesh) -> None:
+    """Sees whether a surface can be worn by anybody: it has openings, and one sheet.
+
+    Raises:
+        GeometryError: It is closed, or has a second sheet that faces the other way.
+    """
+    count = edge_table(mesh.triangles)[2]
+    if count.min() > 1:
+        raise GeometryError(
+            "is closed: it has no open edge (a solid, or cloth with two sides?); allowed: one "
+            "sheet, with openings for the body"
+        )
+    number, part = components(mesh.triangles, len(mesh.vertices))
+    if number > 1:
+        _check_two_sided(mesh, part[mesh.triangles[:, 0]])
+
+
+def _check_two_sided(mesh: GarmentMesh, part: IntArray) -> None:
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    centre, cross = (a + b + c) / 3.0, np.cross(b - a, c - a)
+    double = np.maximum(np.linalg.norm(cross, axis=1), 1e-300)
+    normal, size = cross / double[:, None], np.sqrt(double)
+    largest = int(np.bincount(part).argmax())
+    own, other = np.flatnonzero(part == largest), np.flatnonzero(part != largest)
+    apart, near = cKDTree(centre[other]).query(centre[own])
+    opposite = np.einsum("ti,ti->t", normal[own], normal[other[near]]) < _OPPOSITE
+    double_sided = opposite & (apart < _SHEETS * size[own])
+    if 2 * double_sided.sum() > len(own):
+        raise GeometryError(
+            f"is two-sided: {double_sided.sum()} of {len(own)} triangles have others on them that "
+            "face the other way; allowed: one sheet"
+        )
+
+
+def check_place(mesh: GarmentMesh, measures: Measures, unit: str, up: str) -> None:
+    """Sees whether a surface is near the body, and no speck of dust.
+
+    Args:
+        mesh: The surface in the frame of the body.
+        measures: The body.
+        unit: The unit that its file was read in.
+        up: The axis that its file was read with.
+
+    Raises:
+        GeometryError: It is not; the message tells the unit or the axis with which it would be.
+    """
+    size, away = _size_and_distance(mesh.vertices, measures)
+    if size >= _SMALLEST * measures.unit and away <= OFF_THE_BODY * measures.unit:
+        return
+    what = f"is {away:.3g} m away from {measures.body.name}"
+    if size < _SMALLEST * measures.unit:
+        what = f"is {size:.2g} m long"
+    raise GeometryError(
+        f"{what}; allowed: a garment from {_SMALLEST * measures.unit:.2f} m on, in its place on "
+        f"the body ({_hint(mesh.vertices, measures, unit, up)})"
+    )
+
+
+def _hint(vertices: FloatArray, measures: Measures, unit: str, up: str) -> str:
+    """With what else it would be in its place: the same axis first, then the largest."""
+    x = vertices / UNITS[unit] @ (AXES_FROM_Y_UP if up == "y" else np.eye(3))
+    for axis in (up, *(set(UP_AXES) - {up})):
+        turned = x @ AXES_FROM_Y_UP.T if axis == "y" else x
+        for name in sorted(UNITS, key=lambda name: -UNITS[name]):
+            size, away = _size_and_distance(turned * UNITS[name], measures)
+            likely = _LIKELY * measures.unit <= size <= measures.height
+            if likely and away <= OFF_THE_BODY * measures.unit:
+                wanted = [f"unit {name}"] * (name != unit) + [f"up {axis}"] * (axis != up)
+                return f"with {' and '.join(wanted)} it is"
+    return "is its unit or its up axis another one?"
+
+
+def _size_and_distance(x: FloatArray, measures: Measures) -> tuple[float, float]:
+    """Extent of points, and their median distance to the skin [m]."""
+    few = x[:: max(1, len(x) // 2000)]
+    skin = MeshDistance(measures.vertices, measures.body.skin.triangles)
+    return float(np.ptp(x, axis=0).max()), float(np.median(np.abs(skin.signed_distance(few)[0])))
+
+
+def loose_parts(x: FloatArray, triangles: IntArray, held: IntArray) -> tuple[str, ...]:
+    """Says which parts of a garment nothing holds, in a sentence; none where none are held.
+
+    Args:
+        x: Vertices [m], shape [v, 3].
+        triangles: Shape [t, 3].
+        held: Attached vertices.
+    """
+    number, part = components(triangles, len(x))
+    loose = np.setdiff1d(np.arange(number), part[held])
+    if not len(held) or not len(loose):
+        return ()
+    first = ", ".join(f"{c:.2f}" for c in x[part == loose[0]].mean(axis=0))
+    return (
+        f"{len(loose)} of its {number} parts are attached to nothing, the first at ({first}) m: "
+        "they fall where nothing is under them",
+    )
