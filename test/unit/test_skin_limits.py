@@ -14,13 +14,14 @@ from garment_sim_ros.sim.holds.skin_limits import SKIN_LIMITS
 PACKAGE = Path(gs.__file__).parent
 
 
-def test_code_outside_of_its_folder_names_no_limit_but_the_one_that_shirts_have():
+def test_code_outside_of_its_folder_names_no_limit_but_of_shirts_and_of_prices():
     named = re.compile(r"\"(" + "|".join(SKIN_LIMITS) + r")\"|\b(DistanceLimit|Backstop)\b")
     files = [p for p in PACKAGE.rglob("*.py") if (PACKAGE / "sim" / "holds") not in p.parents]
     found = {p.name: {m[0] for m in named.finditer(p.read_text())} for p in files}
     assert {name: words for name, words in found.items() if words} == {
         "dressing.py": {'"max_distance"'},
         "compiler.py": {'"max_distance"'},
+        "features.py": {'"max_distance"', '"backstop"'},
     }
 
 
