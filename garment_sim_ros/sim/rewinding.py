@@ -3,8 +3,9 @@
 What breaks a garment for good (a limb on the wrong side of it after a jump or a gap, a skirt
 beside both legs) no contact can sort out: cloth is where contact holds it. A few looks in a second
 tell such a garment from one that a limb is passing: at the cores of body parts that run through
-its triangles, and at what is through its openings. What a garment was like while it was worn right
-is kept for a while, with the pose that it was worn in; `winding_back` has what follows.
+its triangles, at what is through its openings, and at hems that stay rolled up. What a garment was
+like while it was worn right is kept for a while, with the pose that it was worn in; `winding_back`
+has what follows.
 """
 
 from collections import deque
@@ -34,6 +35,10 @@ _OFF = 3
 """The same where it is off the body: it falls as long as that is waited for."""
 _ROLLED_UP = 8
 """The same where it rode up: it falls again in that time, if it is loose."""
+_PULLED_AGAIN = 3
+"""Looks from one try to pull it down to the next."""
+_CALM = 0.5
+"""Skin under a garment at rest is slower [m/s]."""
 _KEPT = 15
 """States kept of a garment: one for each look that found nothing."""
 _TO_TRY = (1, 4, -1)
@@ -70,6 +75,7 @@ class _Record:
     count: int = 0
     is_off: bool = False
     up: int = 0
+    calm: int = 0
     tries: int = 0
     not_before: float = 0.0
     good_since: float = 0.0
@@ -82,8 +88,8 @@ class _Record:
 
     @property
     def is_rolled_up(self) -> bool:
-        """Whether it stays rolled up."""
-        return self.up >= _ROLLED_UP
+        """Whether it stays rolled up, and is worn right otherwise."""
+        return self.up >= _ROLLED_UP and not self.is_broken
 
 
 class Rewinding:
@@ -156,29 +162,32 @@ class Rewinding:
             record.cores = self._through(name, posed[name], poses)
             record.is_off = record.openings.lost(posed[name], poses)
             record.up = record.up + 1 if self._rode_up(name, posed[name], poses) else 0
+            if record.up:
+                record.calm = record.calm + 1 if self._is_calm(name, poses) else 0
             if record.cores or record.is_off:
                 record.count, record.good_since = min(record.count + 1, _PATIENCE), time
             elif record.count:
                 record.count -= 1
-            elif record.up:
-                record.good_since = time
             elif np.isfinite(posed[name]).all():
                 record.kept.append(Kept(posed[name], poses.copy()))
             if time - record.good_since > 2.0:
                 record.tries = 0
-            if time >= record.not_before and (record.is_broken or record.is_rolled_up):
+            if record.is_rolled_up or (record.is_broken and time >= record.not_before):
                 broken.append(name)
                 health = self._worn[name].health
                 health.came_off += record.is_broken and record.is_off
                 health.caught += record.is_broken and not record.is_off
-                health.rode_up += not record.is_broken
+                health.rode_up += record.is_rolled_up
         self._then, self._at = self._at, poses.copy()
         return tuple(broken)
 
     def tried(self, name: str, time: float) -> None:
         """A garment was wound back, or nothing was found that it could be wound back to."""
         record = self._records[name]
-        wait = _WAIT if record.is_rolled_up else min(_WAIT * 2.0**record.tries, _LONGEST_WAIT)
+        if record.is_rolled_up:
+            record.up -= _PULLED_AGAIN
+            return
+        wait = min(_WAIT * 2.0**record.tries, _LONGEST_WAIT)
         record.tries, record.count, record.not_before = record.tries + 1, 0, time + wait
 
     def candidates(self, name: str) -> Iterator[Kept]:
@@ -192,12 +201,14 @@ class Rewinding:
             yield record.first
 
     def may_replay(self, name: str) -> bool:
-        """Whether this try may take as long as to let the body move with the garment on.
+        """Whether a try may take as long as to let the body move with the garment on.
 
-        One that is rolled up is tried often, as it is worn all the same, and seldom in that way.
+        One that is rolled up is worn all the same, and the next step may roll it up again: it
+        waits for a pose that it can be carried to, or for a body at rest, then longer and longer.
         """
         record = self._records[name]
-        return not record.is_rolled_up or record.tries & (record.tries - 1) == 0
+        nth = record.calm // _PULLED_AGAIN
+        return not record.is_rolled_up or (nth > 0 and nth & (nth - 1) == 0)
 
     def is_well(self, worn: Worn, x: SingleArray, poses: ColliderPoses, bears: float) -> bool:
         """Whether a garment may be put somewhere.
@@ -254,6 +265,11 @@ class Rewinding:
     def _rode_up(self, name: str, x: SingleArray, poses: ColliderPoses) -> bool:
         T = self._worn[name].frames.world(poses)
         return self._records[name].riding_up.rode_up(x, T, self._gravity)
+
+    def _is_calm(self, name: str, poses: ColliderPoses) -> bool:
+        frames = self._worn[name].frames
+        moved = blend(self._worn[name].garment, frames.world(poses) - frames.world(self._at))
+        return float(np.linalg.norm(moved, axis=1).max()) < _CALM * _PERIOD
 
     def _find(self, posed: Mapping[str, SingleArray], poses: ColliderPoses) -> None:
         self._limbs.add(poses, {n: (x, self._triangles[n]) for n, x in posed.items()})

@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from garment_sim_ros.contact.shapes import Collider
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
+from garment_sim_ros.sim.rewinding import Rewinding
 from garment_sim_ros.sim.riding_up import RidingUp
 from garment_sim_ros.sim.simulation import Simulation
 
+FRAME = 1 / 60
 RINGS, AROUND = 15, 32
 LENGTH, RADIUS = 0.42, 0.125
 DOWN = np.array([0.0, 0.0, -9.81])
@@ -120,6 +122,36 @@ def test_a_roll_that_stays_is_pulled_down(cloth, solver):
     assert lengths[20] < 0.5 * LENGTH
     assert lengths[-1] > 0.9 * whole
     assert np.abs(np.diff(lengths)).max() < 0.05
+
+
+@pytest.mark.parametrize(("speed", "replays"), [(0.0, 3), (1.0, 0)])
+def test_what_cannot_be_pulled_down_is_tried_seldom_and_at_rest_alone(
+    cloth, speed, replays, monkeypatch
+):
+    """The body is not moved with the garment on while it moves itself; else less and less often.
+
+    In 2.5 s it is tried after 0.53 s and then every 0.2 s: by a replay at first, 0.4 s later, and
+    0.8 s after that.
+    """
+    simulation = put_on(cloth, "xpbd")
+    may_replay, answers = Rewinding.may_replay, []
+    monkeypatch.setattr(Rewinding, "is_well", lambda *_: False)
+    monkeypatch.setattr(
+        Rewinding,
+        "may_replay",
+        lambda *asked: (answers.append(may_replay(*asked)), answers[-1])[1],
+    )
+    here = ColliderPoses.identity(len(simulation.collider_set))
+    for _ in range(150):
+        roll_up_to(simulation, 0.3 * LENGTH)
+        there = here.copy()
+        there.position[:, 0] += speed * FRAME
+        simulation.advance(here, there, FRAME)
+        here = there
+    assert sum(answers) == replays
+    health = simulation["cloth"].health
+    assert health.rode_up == health.not_rewound >= 9
+    assert (health.caught, health.came_off, health.rewound) == (0, 0, 0)
 
 
 def test_what_falls_by_itself_is_left_alone(cloth):
