@@ -11,7 +11,7 @@ garments, of which several joined by + are worn one over the other.
 
 Every run is a line of `DIR/runs.jsonl`; what is there is not run again. `DIR/worn.md` is the
 table. Pictures: of each run five moments at even distances, and those that are worst by `pierced`,
-longest edge, jump.
+longest edge, jump, hems that hands lift.
 
 Variants: `plain`, 60 poses a second; `2x`, at twice the speed; `15hz`, 15 poses a second;
 `stalls`, in which the cloth does not step for 0.3 s in every 1.5 s: what is pierced is counted
@@ -32,6 +32,7 @@ from pathlib import Path
 
 import numpy as np
 from jumps import LIES, JumpMeter
+from lifted import LiftMeter
 
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.load import load_body
@@ -174,7 +175,7 @@ def run(asked: Asked) -> dict:
     skin = (body.skin.vertices, body.skin.triangles)
     meter = ClothMeter(*skin, meshes, OwnSides.of(garments, body))
     pierced, jumps = PiercedMeter(colliders), JumpMeter(body.skin.vertices)
-    lying = JumpMeter(body.skin.vertices, LIES)
+    lying, lifts = JumpMeter(body.skin.vertices, LIES), LiftMeter(body, simulation)
     live = PiercedSoFar(colliders, [g.name for g in garments])
     calm_frames = calm_pierced = 0
     kept, times, edges = Frames(), [], []
@@ -201,6 +202,7 @@ def run(asked: Asked) -> dict:
         kept.worst("jump", jumps.add(surface, x))
         lying.add(surface, x)
         kept.worst("edge", worst)
+        kept.worst("lifted", lifts.add(surface, x, path[n]))
         kept.worst("pierced", through)
         if len(kept.number) % 6 == 0:
             meter.add(surface, {k: v.astype(float) for k, v in x.items()})
@@ -220,6 +222,8 @@ def run(asked: Asked) -> dict:
         "jump_frames": jumps.frames,
         "jump_lying_cm": round(100 * lying.largest, 1),
         "jump_lying_frames": lying.frames,
+        "lifted": round(lifts.frames / max(len(edges), 1), 4),
+        "lifted_most": round(lifts.largest, 3),
         "resets": sum(simulation.health(g.name).resets for g in garments),
         "let_go": max(simulation.health(g.name).let_go for g in garments),
         "ms_median": round(1e3 * float(np.median(times)), 2),
@@ -244,7 +248,7 @@ def draw(asked: Asked, kept: Frames, joints: list, skinner: Skinner, body, garme
         )
 
     even = [int((i + 0.5) / 5 * len(kept.number)) for i in range(5)]
-    worst = [kept.bad.get(what, (0.0, 0))[1] for what in ("pierced", "edge", "jump")]
+    worst = [kept.bad.get(what, (0.0, 0))[1] for what in ("pierced", "edge", "jump", "lifted")]
     look = Look(
         skin_triangles=body.skin.triangles,
         garment_triangles=tuple(g.triangles for g in garments),
@@ -270,8 +274,8 @@ def table(rows: list[dict]) -> str:
     lines = [
         "| body | outfit | variant | solver | clips | pierced in | worst share (clip) | mean "
         "| inside p99 | inside median | worst edge | edge p95 | jump | of what lies "
-        "| crossed p99 |",
-        "|---" * 15 + "|",
+        "| crossed p99 | hems lifted |",
+        "|---" * 16 + "|",
     ]
     for (body, outfit, variant, solver), group in sorted(groups.items()):
         share = "pierced_calm" if variant in ("15hz", "stalls") else "pierced"
@@ -296,6 +300,7 @@ def table(rows: list[dict]) -> str:
             f"{most['jump_cm']:.0f} cm",
             f"{most['jump_lying_cm']:.0f} cm",
             f"{100 * most['crossed_p99']:.2f} %",
+            f"{100 * most['lifted']:.0f} %",
         ]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"

@@ -24,9 +24,9 @@ from garment_sim_ros.constants import PERSON_HEIGHT
 
 _TRUNK = ("hips", "spine", "chest", "upperChest", "leftUpperLeg", "rightUpperLeg")
 _DIRECTIONS = 128
-_GAP = 0.03
+_GAP = 0.04
 """Room for cloth between arm and trunk [m]."""
-_NEAR = 0.05
+_NEAR = 0.06
 """Distance from which on a part has a say in the way out [m]."""
 _ANGLES = np.radians(np.arange(0.0, 41.0, 2.0))
 _MOST = np.radians(60.0)
@@ -42,7 +42,8 @@ _PUSH_RATE = 20.0
 _LONGEST = 0.25
 """Poses farther apart than this [s] have nothing to do with each other."""
 _ALONG_ARM = (0.0, 0.35, 0.7, 1.0)
-_ALONG_HAND = (0.5, 1.0)
+_ON_HAND = 5
+"""Spheres in a hand: one in its middle, the others at what sticks out, as the thumb does."""
 _LEAST_SKIN = 4
 """Vertices that a part has at least."""
 
@@ -303,8 +304,8 @@ def _arm(body: Body, T: FloatArray, side: str, skins: dict[str, FloatArray]) -> 
     if len(palm) >= _LEAST_SKIN:
         tip = palm[np.argmax(np.linalg.norm(palm - wrist, axis=1))]
         # Hands are flat, and lie flat on what they touch.
-        radius = 0.5 * _thickness(palm, wrist, tip)
-        spheres += [(hand, wrist + s * (tip - wrist), radius) for s in _ALONG_HAND]
+        radius = _thickness(palm, wrist, tip)
+        spheres += [(hand, x, radius) for x in _spread(palm, radius)]
     return _Arm(
         joint=upper,
         opposite=body.rig.index(body.humanoid[other]),
@@ -314,6 +315,20 @@ def _arm(body: Body, T: FloatArray, side: str, skins: dict[str, FloatArray]) -> 
         centre=np.array([T[j, :3, :3].T @ (x - T[j, :3, 3]) for j, x, _ in spheres]),
         radius=np.array([r for _, _, r in spheres]),
     )
+
+
+def _spread(palm: FloatArray, radius: float) -> FloatArray:
+    """Middles of spheres in a hand's plane: in its middle and where it sticks out, [m, 3]."""
+    middle = palm.mean(axis=0)
+    flat = np.linalg.svd(palm - middle, full_matrices=False)[2][:2]
+    x = middle + (palm - middle) @ flat.T @ flat
+    chosen = middle[None]
+    for _ in range(_ON_HAND - 1):
+        away = np.linalg.norm(x[:, None] - chosen, axis=2).min(axis=1)
+        chosen = np.vstack([chosen, x[np.argmax(away)]])
+    out = chosen - middle
+    far = np.linalg.norm(out, axis=1, keepdims=True)
+    return np.asarray(middle + out * np.maximum(1.0 - radius / np.maximum(far, 1e-9), 0.0))
 
 
 def _thickness(skin: FloatArray, start: FloatArray, end: FloatArray) -> float:

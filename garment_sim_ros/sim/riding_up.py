@@ -22,7 +22,7 @@ _BELOW = 0.5
 """As skin it would hang by this part of that distance below; else gravity is no help."""
 
 
-class _Hem(NamedTuple):
+class Hem(NamedTuple):
     """Vertices of one hem, and for each the nearest at rest that holds the garment, shape [n]."""
 
     vertex: IntArray
@@ -34,13 +34,16 @@ class RidingUp:
 
     Args:
         garment: The garment. Without pins and attachments no hem of it counts.
+
+    Attributes:
+        hems: Those that are far enough from what holds the garment.
     """
 
     def __init__(self, garment: GarmentLike) -> None:
         self._garment = garment
         soft = () if garment.soft is None else garment.soft.vertices
         held = np.union1d(np.asarray(garment.pins), soft).astype(np.int32)
-        self._hems: list[_Hem] = []
+        self.hems: list[Hem] = []
         try:
             loops = boundary_loops(garment.triangles) if len(held) else []
         except GeometryError:  # openings that touch
@@ -50,7 +53,7 @@ class RidingUp:
                 continue
             away, nearest = cKDTree(garment.vertices[held]).query(garment.vertices[loop])
             if away.mean() > _SHORTEST:
-                self._hems.append(_Hem(np.asarray(loop, np.int32), held[nearest]))
+                self.hems.append(Hem(np.asarray(loop, np.int32), held[nearest]))
 
     def rode_up(self, x: SingleArray, T_world_frame: FloatArray, gravity: FloatArray) -> bool:
         """Whether a hem is where a person would pull it down again.
@@ -63,7 +66,7 @@ class RidingUp:
         strength = float(np.linalg.norm(gravity))
         if strength == 0.0:
             return False
-        for hem in self._hems:
+        for hem in self.hems:
             skin = blend(self._garment, T_world_frame, np.concatenate(hem)).reshape(2, -1, 3)
             way = skin[0] - skin[1]
             length = float(np.linalg.norm(way, axis=1).sum())

@@ -10,6 +10,7 @@ from garment_sim_ros.body.kinematics import rest_transforms, world_from_local
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.skinning import Skinner
+from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.mocap.clip_poses import retargeter
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import ClipSampler
@@ -68,6 +69,31 @@ def test_forearms_beside_the_hips_stay_beside_them(name, data_file):
     assert np.linalg.norm(turns, axis=2).max() < np.radians(40.0)
 
 
+@pytest.mark.parametrize("name", ["mannequin", "mh_female_young.glb", "CesiumMan.glb"])
+def test_fingers_and_thumbs_leave_room_for_cloth(name, data_file):
+    # Spread fingers pass the hips of this walk; the line from wrist to tip is far from some.
+    body = load_body(name if name == "mannequin" else data_file("bodies", name))
+    clip = load_clip(data_file("mocap", "deepmimic_walk.bvh"))
+    to_body, sampler, skinner = retargeter(clip, body), ClipSampler(clip), Skinner(body.skin)
+    main = body.skin.bone[np.arange(len(body.skin.vertices)), body.skin.weight.argmax(axis=1)]
+
+    def moved_by(bone):
+        return body.rig.below(body.rig.index(body.humanoid[bone]))[main]
+
+    arms = moved_by("leftUpperArm") | moved_by("rightUpperArm")
+    hands = moved_by("leftHand") | moved_by("rightHand")
+    trunk = body.skin.triangles[~arms[body.skin.triangles].any(axis=1)]
+    least = {True: np.inf, False: np.inf}
+    for k in range(0, 74, 4):
+        for clears in least:
+            T = to_body.world_joints(sampler.sample(k / 60.0), k / 60.0, clear_arms=clears)
+            skin = skinner.vertices(T)
+            away = MeshDistance(skin, trunk).signed_distance(skin[hands])[0]
+            least[clears] = min(least[clears], float(away.min()))
+    assert least[True] > 0.02
+    assert least[True] >= least[False]
+
+
 def test_arms_that_are_clear_stay_as_they_are(data_file):
     body = load_body("mannequin")
     clip = load_clip(data_file("mocap", "deepmimic_run.bvh"))
@@ -113,7 +139,7 @@ def test_only_the_arm_that_is_inside_turns_and_only_as_far_as_it_must(mannequin)
     # An arm that goes in by two degrees more is turned by about as much more.
     assert turned[0] == 0.0
     assert turned[-1] > 15.0
-    assert np.abs(np.diff(turned)).max() < 4.0
+    assert np.abs(np.diff(turned)).max() < 6.0
 
 
 def test_what_was_before_is_forgotten(mannequin):
