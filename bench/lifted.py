@@ -56,8 +56,8 @@ class LiftMeter:
 
     def __init__(self, body: Body, simulation: Simulation) -> None:
         self._arms = _vertices_of(body)
-        self._worn = {view.name: view.worn for view in simulation}
-        self._hems = {n: RidingUp(w.garment).hems for n, w in self._worn.items()}
+        self._dressed = {view.name: view.worn for view in simulation}
+        self._hems = {n: RidingUp(w.garment).hems for n, w in self._dressed.items()}
         self.largest = 0.0
         self.frames = 0
 
@@ -76,7 +76,7 @@ class LiftMeter:
         """
         most = 0.0
         for name, hems in self._hems.items():
-            worn, x = self._worn[name], np.asarray(garments[name], np.float64)
+            worn, x = self._dressed[name], np.asarray(garments[name], np.float64)
             T = worn.frames.world(poses)
             for hem in hems:
                 rest = blend(worn.garment, T, np.concatenate(hem)).reshape(2, -1, 3)
