@@ -62,7 +62,7 @@ class Cores:
                 depth.append(core.depth)
                 carrier.append(i)
         for i, points in _clouds(colliders):
-            ends.append(_middle(points))
+            ends.append(middle(points))
             carrier.append(i)
             depth.append(0.0)
             with suppress(QhullError):  # of flat ones, which nothing is inside of
@@ -91,8 +91,8 @@ class Cores:
         return np.einsum("cij,cej->cei", R, self.ends) + poses.position[self.collider, None]
 
 
-def _middle(points: FloatArray) -> FloatArray:
-    """The middle of the long axis of points, as a segment, shape [2, 3]."""
+def middle(points: FloatArray) -> FloatArray:
+    """The core of a hull: the middle of the long axis of its vertices [n, 3], shape [2, 3]."""
     centre = points.mean(axis=0)
     axis = np.linalg.svd(points - centre, full_matrices=False)[2][0]
     along = (points - centre) @ axis

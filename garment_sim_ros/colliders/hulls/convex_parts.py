@@ -283,7 +283,7 @@ def _estimate(points, corner, along, planes, around, between, left):
         left[p] = total
 
 
-def _lattice(count: int) -> FloatArray:
+def lattice(count: int) -> FloatArray:
     """Unit vectors spread evenly over all directions (Fibonacci lattice), shape [3, count]."""
     i = np.arange(count) + 0.5
     z = 1.0 - 2.0 * i / count
@@ -301,7 +301,7 @@ def _joined(around: FloatArray) -> LongArray:
     return triangles
 
 
-_AROUND = _lattice(_DIRECTIONS)
+_AROUND = lattice(_DIRECTIONS)
 _BETWEEN = _joined(_AROUND)
 
 

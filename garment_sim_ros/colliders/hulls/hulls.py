@@ -28,6 +28,7 @@ from garment_sim_ros.colliders.hulls.one_hull import (
     capsule_around,
     made_hull,
 )
+from garment_sim_ros.colliders.hulls.thickening import thickened
 from garment_sim_ros.colliders.joint_shapes import (
     SHARE,
     BandHull,
@@ -89,14 +90,15 @@ def fit_hulls(
     surfaces = [region_surface(body.skin, regions, m) for m in range(len(regions))]
     total = sum(_volume(surface) for surface in surfaces)
     saving = max(settings.split * total, 1e-12)
+    skin = MeshDistance(body.skin.vertices, body.skin.triangles)
 
     def of_region(m: int) -> list[tuple[int, Made]]:
-        made = _hulls_of_region(body, regions, m, surfaces[m], saving, settings)
+        made = _hulls_of_region(body, regions, m, (surfaces[m], skin), saving, settings)
         return [(m, one) for one in made]
 
     fitted = _all(of_region, range(len(surfaces)))
     hulls = [(m, one.hull) for m, one in fitted if one.hull is not None]
-    joints = _joint_colliders(body, regions, hulls, settings)
+    joints = _joint_colliders(body, regions, hulls, skin, settings)
     made = [one for _, one in fitted] + joints
     if settings.joints == "auto":
         made = grown(body, made, settings)
@@ -111,10 +113,12 @@ def _hulls_of_region(
     body: Body,
     regions: Regions,
     m: int,
-    surface: FloatArray,
+    surfaces: tuple[FloatArray, MeshDistance],
     saving: float,
     settings: HullSettings,
 ) -> Iterator[Made]:
+    """Of one region: its own surface, and all of the skin."""
+    surface, skin = surfaces
     if len(surface) == 0:
         return
     bone = regions.names[m]
@@ -125,6 +129,7 @@ def _hulls_of_region(
         points = np.unique(part.reshape(-1, 3), axis=0)
         try:
             inner = convex_hull(points)
+            inner = thickened(inner, skin) if len(parts) > 1 else inner
         except GeometryError as error:
             capsule = capsule_around(name, bone, points, settings.delta, T_bone_bind)
             yield Made(capsule, ShapeFit(name=name, kind=CAPSULE.name, note=f"no hull: {error}"))
@@ -141,12 +146,15 @@ def _volume(surface: FloatArray) -> float:
 
 
 def _joint_colliders(
-    body: Body, regions: Regions, hulls: list[tuple[int, Hull]], settings: HullSettings
+    body: Body,
+    regions: Regions,
+    hulls: list[tuple[int, Hull]],
+    skin: MeshDistance,
+    settings: HullSettings,
 ) -> list[Made]:
     """A sphere, hulls that turn by a share, both or nothing for each joint."""
     if settings.joints == "none" or not hulls:
         return []
-    skin = MeshDistance(body.skin.vertices, body.skin.triangles)
 
     def of_joint(joint: Joint) -> list[Made]:
         posed, height = gaps(joint, hulls)

@@ -1,0 +1,36 @@
+"""Thin hulls that get more of the body's inside: slices of skin are shells, body parts are not.
+
+A cut may leave a part that is little but skin, as a buttock beside the pelvis. Its hull's vertices
+are all near the skin, so the core between them comes out through it, where clothes lie; and cloth
+that is deeper in it than its middle is led out to the wrong side. Such a hull gets a smaller copy
+of itself as a second side, as deep in the body as there is room.
+"""
+
+import numpy as np
+
+from garment_sim_ros.colliders.hulls.convex_parts import lattice
+from garment_sim_ros.colliders.hulls.hull import Hull, convex_hull
+from garment_sim_ros.contact.cores import middle
+from garment_sim_ros.geometry.mesh_distance import MeshDistance
+
+_THIN = 0.015
+"""A hull whose core is nearer to its surface than this is thin [m]."""
+_WAYS = np.concatenate([f * lattice(50) for f in np.linspace(0.0, 0.08, 6)], axis=1)
+"""Ways from the first side to the second that are tried [m], shape [3, w]."""
+_SMALLER = 0.7
+"""Size of the second side, as a share: it is to stay inside the body."""
+
+
+def thickened(hull: Hull, skin: MeshDistance) -> Hull:
+    """A hull that is as it was, or thicker towards the inside of the body.
+
+    Args:
+        hull: In the bind pose [m].
+        skin: The body's, in the bind pose.
+    """
+    if -float(hull.height(middle(hull.vertices)).max()) >= _THIN:
+        return hull
+    centre = hull.vertices.mean(axis=0)
+    way = _WAYS.T[int(np.argmin(skin.signed_distance(centre + _WAYS.T)[0]))]
+    second = centre + way + _SMALLER * (hull.vertices - centre)
+    return convex_hull(np.concatenate([hull.vertices, second]))
