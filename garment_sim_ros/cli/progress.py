@@ -75,6 +75,7 @@ class Phases:
     def __init__(self, text: str, phases: Sequence[str]) -> None:
         self._text = text
         self._phases = tuple(phases)
+        self._phase = ""
         self._bar = tqdm(
             desc=text,
             total=100 * len(self._phases),
@@ -93,6 +94,10 @@ class Phases:
 
     def show(self, phase: str, share: float) -> None:
         """A phase is done to a share, 0 to 1."""
+        begins = phase != self._phase
+        self._phase = phase
         done = 100 * self._phases.index(phase) + round(100 * min(max(share, 0.0), 1.0))
         self._bar.set_description_str(f"{self._text}: {phase}", refresh=False)
         self._bar.update(max(0, done - self._bar.n))
+        if begins and self._bar.format_dict["elapsed"] > _DELAY:
+            self._bar.refresh()  # a phase may begin with seconds of compiling

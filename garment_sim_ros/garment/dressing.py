@@ -30,7 +30,12 @@ from garment_sim_ros.garment.letting_out import let_out
 from garment_sim_ros.garment.listed_holds import listed_bands, listed_pins
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
-from garment_sim_ros.garment.mesh_checks import OFF_THE_BODY
+from garment_sim_ros.garment.mesh_checks import (
+    OFF_THE_BODY,
+    OTHER_BODY,
+    check_stretch,
+    check_waist,
+)
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import vertex_normals
 from garment_sim_ros.params import Material
@@ -40,7 +45,6 @@ _DEEPEST = 0.03  # vertices deeper under the skin than this are not a fit of mil
 _MOST_DEEP = 0.4  # share of vertices so deep from which a garment is in the body, not on it
 _MANY_DEEP = 0.05  # likewise from which it looks like one for another body
 _MAX_DISTANCE = 0.1  # how far a shirt may get from where it was put on [m]
-_OTHER_BODY = "was it made for another body? name that with made_on"
 _CLEARANCE = 0.002  # where vertices under the skin are put [m]
 
 
@@ -74,7 +78,9 @@ def dressed(
     holds = holds or Holds()
     upper = reaches_shoulders(mesh, measures)
     covered = covered_skin(measures, upper)
+    given = mesh
     mesh, notes = _put_outside(name, mesh, measures, covered)
+    check_stretch(name, given, mesh.vertices, measures.body.name)
     binding = bind(measures, mesh, covered)
     passed_by = _passed_by(measures, binding, upper)
     cut = mesh
@@ -162,6 +168,7 @@ def _attached(
         pins = np.zeros(0, dtype=np.int32)
     elif cut is None:
         marks["waist"] = pins = waist_pins(mesh)
+        check_waist(name, mesh, pins, measures, covered_skin(measures, upper=False))
     else:
         marks["shoulders"] = pins = lifted_shoulder_pins(measures, mesh, cut)
     heaviest = binding.heaviest(pins) if pins.size else 0
@@ -276,9 +283,9 @@ def _put_outside(
         if deep.mean() > _MOST_DEEP:
             raise GeometryError(
                 f"garment {name!r} is in {measures.body.name}, not on it: {found} of "
-                f"{len(deep)}; allowed: up to {100.0 * _MOST_DEEP:.0f} % ({_OTHER_BODY})"
+                f"{len(deep)}; allowed: up to {100.0 * _MOST_DEEP:.0f} % ({OTHER_BODY})"
             )
-        notes += (found + f" ({_OTHER_BODY})" * bool(deep.mean() > _MANY_DEEP),)
+        notes += (found + f" ({OTHER_BODY})" * bool(deep.mean() > _MANY_DEEP),)
     return replace(mesh, vertices=vertices, triangles=triangles, flat=flat, notes=()), notes
 
 

@@ -1,7 +1,7 @@
 """What is wrong with a mesh from a file as a garment of a body, in one line."""
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import Delaunay, cKDTree
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
@@ -9,6 +9,7 @@ from garment_sim_ros.garment.connectivity import components
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import UNITS, UP_AXES
 from garment_sim_ros.garment.mesh_data import GarmentMesh
+from garment_sim_ros.garment.patterns.tape_sections import loops_at
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import edge_table
 from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP
@@ -22,6 +23,11 @@ _LIKELY = 0.15
 _SHEETS = 0.25
 """How far apart two sheets are that lie on each other, in sizes of their triangles."""
 _OPPOSITE = -0.9
+_MOST_STRETCH = 1.95
+"""How much longer edges may become as a surface is put outside of a body: holes tear beyond."""
+_LEAST_INSIDE = 0.5
+"""Share of a section through the legs that is in a waist below the crotch."""
+OTHER_BODY = "was it made for another body? name that with made_on"
 
 
 def check_sheet(mesh: GarmentMesh) -> None:
@@ -101,6 +107,69 @@ def _size_and_distance(x: FloatArray, measures: Measures) -> tuple[float, float]
     few = x[:: max(1, len(x) // 2000)]
     skin = MeshDistance(measures.vertices, measures.body.skin.triangles)
     return float(np.ptp(x, axis=0).max()), float(np.median(np.abs(skin.signed_distance(few)[0])))
+
+
+def check_stretch(name: str, given: GarmentMesh, vertices: FloatArray, body_name: str) -> None:
+    """Sees whether a surface only had to be moved a little to be outside of the body.
+
+    Args:
+        name: What messages call the garment.
+        given: The surface before.
+        vertices: Where it is outside of the body [m], shape [v, 3].
+        body_name: What messages call the body.
+
+    Raises:
+        GeometryError: It became far larger than it was.
+    """
+    a, b = edge_table(given.triangles)[0].T
+    before = np.linalg.norm(given.vertices[a] - given.vertices[b], axis=1)
+    after = np.linalg.norm(vertices[a] - vertices[b], axis=1)
+    stretch = float(np.percentile(after / np.maximum(before, 1e-9), 95.0))
+    if stretch > _MOST_STRETCH:
+        raise GeometryError(
+            f"garment {name!r} is too small for {body_name}: to be outside of it its edges would "
+            f"be {stretch:.2g} times as long (95th percentile); allowed: {_MOST_STRETCH:g} times "
+            f"({OTHER_BODY})"
+        )
+
+
+def check_waist(
+    name: str, mesh: GarmentMesh, waist: IntArray, measures: Measures, covered: IntArray
+) -> None:
+    """Sees whether the open edge that is taken as a waist is around the body.
+
+    Garments of several parts have several such edges, and are not judged.
+
+    Args:
+        name: What messages call the garment.
+        mesh: Its surface.
+        waist: Vertices of that edge.
+        measures: The body.
+        covered: Triangles of its skin without arms, shape [t, 3].
+
+    Raises:
+        GeometryError: It lies below the crotch, and the legs are not in it.
+    """
+    x = mesh.vertices[waist]
+    try:
+        crotch = measures.crotch
+    except GeometryError:
+        return
+    height = float(x[:, 2].mean())
+    if height > crotch or components(mesh.triangles, len(mesh.vertices))[0] > 1:
+        return
+    legs = loops_at(measures.vertices, covered, height, 2).points
+    if not legs:
+        return
+    inside = Delaunay(x[:, :2], qhull_options="QJ").find_simplex(np.concatenate(legs))
+    if (inside >= 0).mean() < _LEAST_INSIDE:
+        floor = float(measures.vertices[:, 2].min())
+        raise GeometryError(
+            f"garment {name!r} has its highest open edge {height - floor:.2g} m over the floor, "
+            f"where it is not around {measures.body.name}; allowed: one around the hips, which "
+            f"are above {crotch - floor:.2g} m, or attachments (another unit of length? "
+            f"{OTHER_BODY})"
+        )
 
 
 def loose_parts(x: FloatArray, triangles: IntArray, held: IntArray) -> tuple[str, ...]:

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from garment_sim_ros.body.loaders.load import load_body
-from garment_sim_ros.errors import InputFileError
+from garment_sim_ros.errors import GeometryError, InputFileError
+from garment_sim_ros.garment.mesh_checks import check_stretch
+from garment_sim_ros.garment.mesh_data import GarmentMesh
 from garment_sim_ros.garment.outfit import load_outfit
 
 
@@ -84,6 +86,31 @@ def test_what_is_no_garment_of_the_body_is_refused(tmp_path, body, change, words
     with pytest.raises(InputFileError, match=words) as error:
         worn(tmp_path, body, *change(*tube()))
     assert "\n" not in str(error.value)
+
+
+def test_a_skirt_at_half_size_between_the_legs_is_refused(tmp_path, body):
+    """It is hardly in the body: only its place tells."""
+    v, t = tube(radius=0.22)
+    half = 0.5 * v * [0.5, 1.0, 1.0], t
+    with pytest.raises(
+        InputFileError, match=r"open edge 0\.5\d m over the floor, where it is not"
+    ):
+        worn(tmp_path, body, *half)
+    outfit = worn(tmp_path, body, v - [0.0, 0.3, 0.0], t)  # around both thighs: it was pulled down
+    assert len(outfit.garments) == 1
+
+
+def test_a_garment_that_must_grow_to_be_worn_is_refused():
+    v, t = tube()
+    given = GarmentMesh(vertices=v, triangles=t)
+    check_stretch("skirt", given, 1.9 * v, "somebody")
+    few = v.copy()
+    few[:3] += 1.0  # a corner that is far out, as beside an arm
+    check_stretch("skirt", given, few, "somebody")
+    with pytest.raises(
+        GeometryError, match=r"'skirt' is too small for somebody: .* be 2\.1 times"
+    ):
+        check_stretch("skirt", given, 2.1 * v, "somebody")
 
 
 def test_what_the_refusal_advises_works(tmp_path, body):

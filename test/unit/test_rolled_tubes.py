@@ -67,6 +67,12 @@ def test_a_tight_tube_stays_open_at_its_back():
     assert 0.01 < np.linalg.norm(x[0] - x[1]) < 0.1
 
 
+def test_a_tube_a_little_too_tight_is_around_what_it_is_pulled_over():
+    distance, x = axis_distances(rolled(skirt(0.9)), 0.0)  # around 0.94 m
+    assert distance.min() > 0.15 + 0.0149
+    assert np.linalg.norm(x[0] - x[1]) > 0.1
+
+
 def test_a_tube_that_the_body_does_not_fit_into_is_named():
     with pytest.raises(GeometryError, match=r"panel 'skirt'.* 0.8 m wide, a column is 0.9\d* m"):
         rolled(skirt(0.8))

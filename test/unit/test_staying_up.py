@@ -42,6 +42,14 @@ def test_a_garment_far_down_the_body_is_named():
         check_up(*lowered(0.7, 1.0))
 
 
+def test_a_skirt_around_the_knees_is_named():
+    """Its front sank by less than a third of the height; its top is on no hips."""
+    check_up(*lowered(0.3, 0.7))
+    with pytest.raises(GeometryError, match=r"panel 'front' slid down the body by 0\.45 m and"):
+        check_up(*lowered(0.45, 0.7))
+    check_up(*lowered(0.05, 0.2))  # it was placed there
+
+
 def test_a_garment_on_the_floor_is_named():
     pieces, sewn, skin = lowered(0.3, 0.3)
     flat = sewn.vertices * [1.0, 1.0, 0.2]  # in a heap

@@ -137,11 +137,11 @@ def test_a_panel_that_faces_the_body_is_called_mirrored(model):
 
 
 def test_a_tube_too_narrow_for_the_body_is_not_called_done(model):
-    """It closes beside the body and falls."""
+    """It closes beside the body, wound up."""
     pattern = moved(tube(width=0.1, other=0.3, height=0.3), [0.0, -0.05, 0.9], turned=("back",))
     pieces, placed = placed_clear(cut(pattern, 0.04), model.distance, "mannequin")
     with pytest.raises(
-        GeometryError, match=r"pattern 'tube': panel '.*' falls off the body at \d"
+        GeometryError, match=r"pattern 'tube' runs through itself where it is sewn, .* too narrow"
     ):
         sew(pieces, placed, model, Material())
 
@@ -169,10 +169,17 @@ def test_what_falls_or_quivers_is_refused_by_name(rms, sinks, words):
         sewing._check_worn(pieces, rms, sinking)
 
 
-def test_a_pattern_far_from_the_body_is_refused(model):
-    pattern = moved(tube(other=0.5), [30.0, 0.0, 0.0], turned=("back",))
-    with pytest.raises(GeometryError, match=r"panel 'front' is 30.* m away from mannequin"):
-        placed_clear(cut(pattern, 0.05), model.distance, "mannequin")
+@pytest.mark.parametrize("per_metre", [40, 33])
+def test_a_pattern_in_another_unit_is_refused_before_it_is_cut(
+    model, data_file, tmp_path, per_metre
+):
+    text = data_file("patterns", "dress_pencil_specification.json").read_text()
+    path = tmp_path / "large.json"
+    path.write_text(text.replace('"units_in_meter": 100', f'"units_in_meter": {per_metre}'))
+    phases = []
+    with pytest.raises(GeometryError, match=r"panel '.*' (reaches up to|is) \d.*another unit"):
+        make(path, model, tell=lambda phase, share: phases.append((phase, share)))
+    assert phases == [("cutting", 0.0)]
 
 
 def test_self_intersections_are_found(tshirt):

@@ -17,10 +17,16 @@ from garment_sim_ros.geometry.topology import mesh_topology
 
 _RINGS = range(1, 7)
 """How many edges around what is tangled are laid smooth with it: as few as will do."""
+_MOST = 0.05
+"""Share of the edges that may be tangled for it to be laid smooth."""
+_LARGE = 3.0
+"""Size of triangles that are searched apart, in the median's."""
 
 
 def ironed(x: FloatArray, triangles: IntArray) -> FloatArray:
     """Vertices of a garment with what runs through itself laid smooth [m], shape [v, 3].
+
+    What is tangled all over is left as it is: no film hangs in its rim.
 
     Args:
         x: Vertices [m], shape [v, 3].
@@ -28,6 +34,8 @@ def ironed(x: FloatArray, triangles: IntArray) -> FloatArray:
     """
     edges = mesh_topology(triangles).edges
     best, fewest = x, len(self_intersections(x, triangles))
+    if fewest > _MOST * len(edges):
+        return x
     for rings in _RINGS:
         if fewest == 0:
             break
@@ -70,17 +78,35 @@ def _film(x: FloatArray, edges: IntArray, free: NDArray[np.bool_]) -> FloatArray
 def self_intersections(x: FloatArray, triangles: IntArray) -> IntArray:
     """Edges that run through a triangle that they have no vertex in common with, shape [k, 2]."""
     edges = mesh_topology(triangles).edges
-    centre = x[triangles].mean(axis=1)
-    reach = np.linalg.norm(x[triangles] - centre[:, None], axis=2).max()
-    middle = x[edges].mean(axis=1)
-    half = 0.5 * np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1)
-    found = cKDTree(centre).query_ball_point(middle, reach + half)
-    e = np.repeat(np.arange(len(edges)), [len(f) for f in found])
-    t = np.concatenate([np.asarray(f, np.int64) for f in found]) if len(e) else e
+    e, t = _near(x, triangles, edges)
     apart = (edges[e][:, :, None] != triangles[t][:, None, :]).all(axis=(1, 2))
     e, t = e[apart], t[apart]
     hit = _passes(x[edges[e, 0]], x[edges[e, 1]], *(x[triangles[t, k]] for k in range(3)))
     return edges[np.unique(e[hit])]
+
+
+def _near(x: FloatArray, triangles: IntArray, edges: IntArray) -> tuple[IntArray, IntArray]:
+    """Edges and triangles that can meet, in pairs: numbers of both, shape [k].
+
+    Triangles that are far larger than most are searched apart: all the others would have their
+    reach.
+    """
+    centre = x[triangles].mean(axis=1)
+    reach = np.linalg.norm(x[triangles] - centre[:, None], axis=2).max(axis=1)
+    middle = x[edges].mean(axis=1)
+    half = 0.5 * np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1)
+    large = reach > _LARGE * np.median(reach)
+    pairs = []
+    for own in (np.flatnonzero(~large), np.flatnonzero(large)):
+        if not len(own):
+            continue
+        found = cKDTree(centre[own]).query_ball_point(middle, reach[own].max() + half)
+        e = np.repeat(np.arange(len(edges)), [len(f) for f in found])
+        t = own[np.concatenate(found).astype(np.int64)]
+        close = np.linalg.norm(middle[e] - centre[t], axis=1) <= reach[t] + half[e]
+        pairs.append(np.stack([e[close], t[close]]))
+    e, t = np.concatenate(pairs, axis=1)
+    return e, t
 
 
 def _passes(

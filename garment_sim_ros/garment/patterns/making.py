@@ -31,6 +31,7 @@ from garment_sim_ros.garment.patterns.gates import Gates, gates
 from garment_sim_ros.garment.patterns.parted import parted
 from garment_sim_ros.garment.patterns.pattern import Pattern
 from garment_sim_ros.garment.patterns.pieces import Pieces, cut, edge_length_for
+from garment_sim_ros.garment.patterns.place_checks import check_band, check_near, check_ways
 from garment_sim_ros.garment.patterns.placing import placed_clear
 from garment_sim_ros.garment.patterns.rolling import rolled_tubes
 from garment_sim_ros.garment.patterns.sewing import PRESET, Sewn, Tell, sew
@@ -273,6 +274,7 @@ def make(
         raise ParameterError("fabric", f"found {fabric[:60]!r}", f"allowed: {', '.join(PRESETS)}")
     tell("cutting", 0.0)
     pattern, usual, vertices = pattern_for(source, model)
+    check_near(pattern, model.distance, model.skin, model.body.name)
     pattern = facing_outwards(pattern, model.distance)
     pattern = rolled_tubes(pattern, model.skin, model.body.skin.triangles, model.body.name)
     fabric = fabric or usual
@@ -283,6 +285,8 @@ def make(
     if any(e.label in _OF_LEGS for p in pattern.panels.values() for e in p.edges):
         model = model.for_legs(PRESETS[fabric].material)
     pieces, placed = placed_clear(pieces, model.distance, model.body.name)
+    check_ways(pieces, placed, model.distance, model.body.name)
+    check_band(pieces, placed, model.skin, model.body.skin.triangles, model.body.name)
     sewn = sew(pieces, placed, model, PRESETS[fabric].material, tell=tell)
     if not np.isfinite(sewn.vertices).all():
         raise GeometryError(f"pattern {pattern.name!r}: it did not hold together as it was sewn")

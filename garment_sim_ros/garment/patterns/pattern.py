@@ -15,6 +15,9 @@ from scipy.spatial.transform import Rotation
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.garment.patterns.curves import arc, bezier, lengths, signed_area
 
+WAIST = "waist"
+"""Label of edges that a band holds to the waist."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Arc:

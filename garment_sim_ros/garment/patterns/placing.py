@@ -6,7 +6,7 @@ import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.garment.patterns.pattern import Panel, Placement
+from garment_sim_ros.garment.patterns.pattern import WAIST, Panel, Placement
 from garment_sim_ros.garment.patterns.pieces import Pieces
 from garment_sim_ros.garment.patterns.turning_over import INWARDS, facing
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
@@ -30,8 +30,8 @@ _FARTHEST = 0.8
 """How far a panel is moved at most [m]."""
 _FARTHEST_ALONG = 0.3
 """How far a rolled panel is moved along its limb at most [m]."""
-_TOO_FAR = 1.0
-"""Distance from the body at which a pattern is not around it [m]."""
+_FARTHEST_BELT = 0.05
+"""Likewise one with a waist, which is around the trunk [m]."""
 
 
 def placed_clear(pieces: Pieces, body: MeshDistance, body_name: str) -> tuple[Pieces, FloatArray]:
@@ -51,8 +51,8 @@ def placed_clear(pieces: Pieces, body: MeshDistance, body_name: str) -> tuple[Pi
         The pieces, and where their vertices start [m], shape [n, 3].
 
     Raises:
-        GeometryError: A panel is nowhere near the body, faces it with the wrong side, or does not
-            come clear of it; the message names it.
+        GeometryError: A panel faces the body with the wrong side, or does not come clear of it;
+            the message names it.
     """
     pattern = pieces.pattern
     panels = {}
@@ -63,7 +63,7 @@ def placed_clear(pieces: Pieces, body: MeshDistance, body_name: str) -> tuple[Pi
         what = f"pattern {pattern.name!r}: panel {name!r}"
         _check_side(what, x[own], triangles, body, body_name)
         if panel.placement.rolled:
-            place = _down_the_limb(panel.placement, pieces.flat[own], body)
+            place = _down_the_limb(what, panel, pieces.flat[own], body, body_name)
         else:
             place = panel.placement.moved(_way_out(what, panel, x[own], body, body_name))
         panels[name] = replace(panel, placement=place)
@@ -100,18 +100,31 @@ def _raised(pieces: Pieces, lift: float) -> Pieces:
     return pieces.with_pattern(replace(pieces.pattern, panels=panels))
 
 
-def _down_the_limb(place: Placement, flat: FloatArray, body: MeshDistance) -> Placement:
+def _down_the_limb(
+    what: str, panel: Panel, flat: FloatArray, body: MeshDistance, body_name: str
+) -> Placement:
     """Where a rolled panel is clear of the trunk, as near to it as it can be.
 
     Where a hand or foot is wider than the roll no place is clear: then the one where the fewest
-    points are in the body.
+    points are in the body. What has a waist stays at the waist.
+
+    Raises:
+        GeometryError: A waist that would have to be moved down.
     """
+    place = panel.placement
     ways = np.arange(0.0, _FARTHEST_ALONG, _LIFT_STEP)
     blocked = [
         int((body.signed_distance(place.along(way).placed(flat))[0] < _ROLLED).sum())
         for way in ways
     ]
-    return place.along(float(ways[int(np.argmin(blocked))]))
+    way = float(ways[int(np.argmin(blocked))])
+    if way > _FARTHEST_BELT and any(e.label == WAIST for e in panel.edges):
+        raise GeometryError(
+            f"{what}, rolled to {2.0 * np.pi * place.bend:.3g} m around, comes clear of "
+            f"{body_name} only {way:.2g} m lower, and has edges labelled {WAIST!r}; allowed: "
+            "wider than what it is placed around"
+        )
+    return place.along(way)
 
 
 def _lift(pieces: Pieces, body: MeshDistance) -> float:
@@ -152,12 +165,6 @@ def _on_top(pieces: Pieces) -> IntArray:
 def _check_side(
     what: str, x: FloatArray, triangles: FloatArray, body: MeshDistance, body_name: str
 ) -> None:
-    gap = body.signed_distance(x)[0]
-    if np.abs(gap).min() > _TOO_FAR:
-        raise GeometryError(
-            f"{what} is {np.abs(gap).min():.3g} m away from {body_name}; allowed: a pattern "
-            "around it (another unit of length, or another body?)"
-        )
     normal = np.zeros_like(x)
     vertex_normals(x, np.ascontiguousarray(triangles, np.int32), normal)
     if facing(x, normal, body) < INWARDS:

@@ -21,6 +21,8 @@ _ACROSS = 0.6
 """How far apart edges are that make a tube when they are sewn, in widths of the panel."""
 _ALONG = 0.5
 """How much higher one of the sewn edges may be than the other, in distances between them."""
+_GIVES = 1.1
+"""Largest girth that a tube is pulled over, in its own: it is as wide as that until it is sewn."""
 _CLEAR = 0.015
 """Distance from the body that the tube keeps at least [m]."""
 
@@ -103,7 +105,7 @@ def _rolled(
         if loops:  # as points (x, z) of the panel
             loop = min(loops, key=lambda p: float(np.linalg.norm(p, axis=1).min()))
             near.append((girth_of(loop), loop))
-    fits = [(girth, loop) for girth, loop in near if girth < width]
+    fits = [(girth, loop) for girth, loop in near if girth < _GIVES * width]
     if not fits:
         found = f"is {min(g for g, _ in near):.3g} m around" if near else "is not beside it"
         raise GeometryError(

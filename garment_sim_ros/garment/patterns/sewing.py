@@ -22,7 +22,9 @@ from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.patterns.ironing import ironed, self_intersections
+from garment_sim_ros.garment.patterns.pattern import WAIST
 from garment_sim_ros.garment.patterns.pieces import Pieces
+from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.holds.stitching import CLOSING, LATEST
 from garment_sim_ros.sim.self_collision.garment import own_distance
@@ -36,8 +38,6 @@ _SLIP = 0.02
 """Friction meanwhile: whoever dresses somebody pulls the cloth straight."""
 _STEP = 1 / 60
 _NAME = "sewn"
-WAIST = "waist"
-"""Label of edges that a band holds to the waist."""
 _JOINING = 60
 """Steps in micro-gravity in which the sewn garment comes free of itself."""
 _AFTER = 0.3
@@ -55,6 +55,8 @@ _WATCHED = 0.5
 """Time over which the rest is measured [s]."""
 _ROUNDS = 3
 """How often it is laid smooth and settled at most."""
+_MOST_TANGLED = 0.05
+"""Share of edges that may run through the garment once it moved freely: more is no garment."""
 _THIN = 5e-4
 """Distance that cloth keeps from itself while it drapes [m]: more makes pinched cloth quiver."""
 PRESET = "accurate"
@@ -128,12 +130,13 @@ def sew(
 
     Raises:
         GeometryError: A seam does not close, a panel falls off the body, or the garment does not
-            come to rest.
+            come to rest or free of itself.
     """
     closed = _close(pieces, placed, wearer, material, tell)
     gaps = seam_gaps(pieces, closed)
     _check_closed(pieces, gaps)
     x = _joined(pieces, closed, wearer, material, tell)
+    _check_free(pieces, x)
     x, rms, fastest = _draped(pieces, x, wearer, material, tell)
     return Sewn(
         vertices=x,
@@ -203,6 +206,7 @@ def _joined(
     x = ironed(pieces.joined(closed), pieces.sewn_triangles)
     whole = _banded(pieces, _whole(pieces, x, wearer, slow))
     simulation = Simulation(whole, wearer.colliders, gravity=_MICRO)
+    tell("joining", 0.0)
     simulation.reset(wearer.poses, settle=False)
     for n in range(_JOINING):
         simulation.advance(wearer.poses, wearer.poses, _STEP)
@@ -236,6 +240,7 @@ def _close(
         stitches=pieces.stitches,
     )
     simulation = Simulation(panels, wearer.colliders, gravity=_MICRO)
+    tell("sewing", 0.0)
     simulation.reset(wearer.poses, settle=False)
     least = round((CLOSING + LATEST + _AFTER) / _STEP)
     x = placed
@@ -258,6 +263,24 @@ def _check_closed(pieces: Pieces, gaps: tuple[float, ...]) -> None:
             f"close: {1e3 * gaps[worst]:.1f} mm are left; allowed: panels wide enough to meet "
             "around the body"
         )
+
+
+def _check_free(pieces: Pieces, x: FloatArray) -> None:
+    """What is sewn the wrong way round is twisted, and does not come free of itself."""
+    triangles = pieces.sewn_triangles
+    tangled = self_intersections(x, triangles)
+    count = len(mesh_topology(triangles).edges)
+    if len(tangled) <= _MOST_TANGLED * count:
+        return
+    own = pieces.panel[np.isin(pieces.welded, tangled)]
+    most = np.argsort(-np.bincount(own), kind="stable")[:2]
+    names = " and ".join(repr([*pieces.pattern.panels][k]) for k in most if (own == k).any())
+    raise GeometryError(
+        f"pattern {pieces.pattern.name!r} runs through itself where it is sewn, at "
+        f"{len(tangled)} of {count} edges, most of them of panel {names}; allowed: up to "
+        f"{100.0 * _MOST_TANGLED:.0f} % (sides of stitches swapped, too "
+        "narrow for the body, or another unit of length?)"
+    )
 
 
 def _check_worn(pieces: Pieces, rms: float, sinking: FloatArray) -> None:

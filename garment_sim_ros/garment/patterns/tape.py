@@ -180,7 +180,7 @@ def _crotch(
     if not 0.3 * height < z < 0.65 * height:
         raise GeometryError(
             f"{name}: its legs do not part between 0.3 and 0.65 of its height; allowed: a body "
-            "that stands on two legs"
+            "that stands on two legs, head up"
         )
     return float(z), legs
 
