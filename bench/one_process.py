@@ -1,13 +1,14 @@
 """Processor time of avatars: three processes each, and all nodes in one process.
 
     python bench/one_process.py [--avatars 1 2 4] [--rate 60] [--preset balanced] [--seconds 8]
-        [--rounds 3] [--json]
+        [--rounds 3] [--set NODE.PARAM=VALUE ...] [--json]
 
 In turns: the three nodes of `garment-sim demo` as processes, without a recorder, then one process
 with each number of avatars. Prints medians and ranges over the rounds, for each avatar. In percent
 of one core: all, the solver's part (processor time of its thread while it steps), the rest. In
 percent of those that were due: frames that came, of all avatars and of the one with the fewest.
-Latency. Processor time depends little on what else the machine does; frames and latency do.
+Latency. `c_us` is how fast the machine was, as `bench/springs.py` has it: on a busy machine with
+shared cores processor time grows as it does. Frames and latency depend on what else it does.
 """
 
 import argparse
@@ -22,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import psutil
+from springs import machine_us
 
 from garment_sim_ros.cli.avatar_options import node_parameters
 from garment_sim_ros.cli.main import parser
@@ -57,12 +59,14 @@ def three(parameters: dict[str, Any], seconds: float) -> dict[str, float]:
             nodes.check()
             time.sleep(0.1)
         time.sleep(_SETTLING)
+        speed = machine_us()
         before, began = [c.cpu_times() for c in children], time.monotonic()
         time.sleep(seconds)
         used = sum(
             sum(c.cpu_times()[:2]) - sum(b[:2]) for c, b in zip(children, before, strict=True)
         )
-        return {"all": 100.0 * used / (time.monotonic() - began)}
+        share = 100.0 * used / (time.monotonic() - began)
+        return {"all": share, "c_us": 0.5 * (speed + machine_us())}
 
 
 def one(parameters: dict[str, Any], avatars: int, seconds: float) -> dict[str, float]:
@@ -74,12 +78,14 @@ def one(parameters: dict[str, Any], avatars: int, seconds: float) -> dict[str, f
             process.check()
             time.sleep(0.1)
         time.sleep(_SETTLING)
+        speed = machine_us()
         process.measure()
         in_solver = _in_solver
         time.sleep(seconds)
         process.check()
         figures = process.figures()
         solver = 100.0 * (_in_solver - in_solver) / figures["seconds"]
+        speed = 0.5 * (speed + machine_us())
     of_each = list(figures["avatars"].values())
     share = figures["processor_percent"]
     return {
@@ -89,6 +95,7 @@ def one(parameters: dict[str, Any], avatars: int, seconds: float) -> dict[str, f
         "frames": 100.0 * sum(a["frames"] / a["due_frames"] for a in of_each) / avatars,
         "least": 100.0 * min(a["frames"] / a["due_frames"] for a in of_each),
         "latency_ms": statistics.median(a["latency_ms_median"] for a in of_each),
+        "c_us": speed,
     }
 
 
@@ -111,10 +118,12 @@ def main() -> None:
     options.add_argument("--preset", default="balanced")
     options.add_argument("--seconds", type=float, default=8.0)
     options.add_argument("--rounds", type=int, default=3)
+    options.add_argument("--set", nargs="*", default=[], metavar="NODE.PARAM=VALUE")
     options.add_argument("--json", action="store_true")
     args = options.parse_args()
     os.environ.update(own_network())
     words = ["demo", "--preset", args.preset, "--set", f"cloth_node.rate={args.rate:g}"]
+    words += [word for setting in args.set for word in ("--set", setting)]
     parameters = node_parameters(parser("demo").parse_args(words))
     measure_solver()
     found: dict[str, list[dict[str, float]]] = defaultdict(list)

@@ -5,7 +5,8 @@
 The three nodes and the recorder run as `garment-sim demo` has them. A viewer is the command with a
 client that takes all that a browser would, without drawing it: where the browser is matters for
 its own processor alone. Also told, of a recorded avatar (BAG; alone, where it is given): how long
-after the start of the command the first picture is sent, and the processor time that one takes.
+after the start of the command the first picture is sent, and the processor time that one takes;
+`c_us` is how fast the machine was, as `bench/springs.py` has it.
 """
 
 import argparse
@@ -23,6 +24,7 @@ from pathlib import Path
 import msgspec
 import psutil
 import viser
+from springs import machine_us
 from websockets.sync.client import connect
 
 from garment_sim_ros.cli.node_processes import NodeProcesses, own_network
@@ -130,8 +132,9 @@ def late(folder, seconds, rounds):
 
 def recorded(bag, seconds, rounds):
     """First picture, and processor time of one, of a recording that plays."""
-    firsts, worked, costs = [], [], []
+    firsts, worked, costs, speeds = [], [], [], []
     for _ in range(rounds):
+        speeds.append(machine_us())
         viewer = Viewer(str(bag))
         wait_until(viewer.has_shown, "the first picture")
         firsts.append(viewer.first)
@@ -144,13 +147,14 @@ def recorded(bag, seconds, rounds):
         costs.append(1e3 * spent / max(windows, 1))
         print(
             f"first after {firsts[-1]:.2f} s, {worked[-1]:.2f} of them at work; "
-            f"{windows / seconds:.1f} Hz, {costs[-1]:.1f} ms each"
+            f"{windows / seconds:.1f} Hz, {costs[-1]:.1f} ms each; c_us {speeds[-1]:.0f}"
         )
         viewer.close()
     print(
         f"recorded, medians: first picture sent after {statistics.median(firsts):.2f} s, "
         f"{statistics.median(worked):.2f} of them at work, "
-        f"{statistics.median(costs):.1f} ms of a processor for each"
+        f"{statistics.median(costs):.1f} ms of a processor for each; "
+        f"c_us {statistics.median(speeds):.0f}"
     )
 
 

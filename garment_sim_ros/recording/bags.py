@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import InputFileError, MessageError
 from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.mocap.bag_file import Bag, opened_bag
+from garment_sim_ros.recording.message_bytes import read_diagnostics, read_poses
 from garment_sim_ros.stamps import nanoseconds
 
 _UNIT = 1e-2
@@ -29,6 +31,10 @@ _TYPES = {
     "quality": "diagnostic_msgs/msg/DiagnosticArray",
     "topology": "shape_msgs/msg/Mesh",
     "points": "sensor_msgs/msg/PointCloud2",
+}
+_OWN_READERS: dict[str, Callable[[bytes], Any]] = {
+    "collider_poses": read_poses,
+    "quality": read_diagnostics,
 }
 
 _Messages = Callable[[str], Iterator[tuple[str, int, Any]]]
@@ -78,6 +84,10 @@ class ColliderTrack:
         before = max(after - 1, 0)
         span = int(self.stamp[after] - self.stamp[before])
         poses = ColliderPoses.identity(len(self.colliders))
+        for k in (before, after):
+            if self.stamp[k] == stamp:
+                poses.position[:], poses.orientation[:] = self.position[k], self.orientation[k]
+                return poses
         interpolate_poses(
             self.position[before],
             self.orientation[before],
@@ -184,11 +194,11 @@ def _quality_over_time(
     stamps: list[int] = []
     found: dict[tuple[str, str], dict[int, float]] = defaultdict(dict)
     for _, _, message in messages("quality"):
-        for status in message.status:
-            for item in status.values:
+        for name, items in message.status:
+            for key, value in items:
                 with suppress(ValueError):
-                    found[status.name, item.key][len(stamps)] = float(item.value)
-        stamps.append(_nanoseconds(message))
+                    found[name, key][len(stamps)] = float(value)
+        stamps.append(message.stamp)
     quality: dict[str, dict[str, FloatArray]] = defaultdict(dict)
     for (name, key), values in found.items():
         column = quality[name][key] = np.full(len(stamps), np.nan)
@@ -202,6 +212,7 @@ def _messages_of(reader: Bag, path: str | Path) -> _Messages:
 
     def messages(ending: str) -> Iterator[tuple[str, int, Any]]:
         kind = _TYPES[ending]
+        read = _OWN_READERS.get(ending, partial(types.deserialize_cdr, typename=kind))
         connections = [
             c for c in reader.connections
             if c.topic.endswith("/" + ending) and c.msgtype == kind
@@ -209,7 +220,7 @@ def _messages_of(reader: Bag, path: str | Path) -> _Messages:
         found = False
         for connection, arrival, data in reader.messages(connections) if connections else ():
             found = True
-            yield connection.topic, arrival, types.deserialize_cdr(data, kind)
+            yield connection.topic, arrival, read(data)
         if not found:
             raise InputFileError(path, f"no message on {ending}", "needed: an avatar's topics")
 
@@ -247,11 +258,11 @@ def _quality(messages: _Messages) -> dict[str, dict[str, FloatArray]]:
     """Values over time of each key of each status."""
     quality: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for _, _, message in messages("quality"):
-        for status in message.status:
-            for item in status.values:
+        for name, items in message.status:
+            for key, value in items:
                 with suppress(ValueError):  # a word, such as the name of a solver
-                    number = float(item.value)
-                    quality[status.name][item.key].append(number)
+                    number = float(value)
+                    quality[name][key].append(number)
     return {
         name: {key: np.array(values) for key, values in keys.items()}
         for name, keys in quality.items()
@@ -315,7 +326,7 @@ def _colliders(messages: _Messages) -> ColliderTrack | None:
         text = [message.data for _, _, message in messages("collider_description")][-1]
         colliders = from_json(text)
         found = {
-            _nanoseconds(message): _poses(message)
+            message.stamp: message.poses
             for _, _, message in messages("collider_poses")
             if len(message.poses) == len(colliders)
         }
@@ -329,15 +340,6 @@ def _colliders(messages: _Messages) -> ColliderTrack | None:
         position=np.ascontiguousarray(poses[..., :3]),
         orientation=np.ascontiguousarray(poses[..., 3:]),
     )
-
-
-def _poses(message: Any) -> FloatArray:
-    """Positions and quaternions of a PoseArray, shape [n, 7]."""
-    rows = [
-        [getattr(p.position, k) for k in "xyz"] + [getattr(p.orientation, k) for k in "xyzw"]
-        for p in message.poses
-    ]
-    return np.array(rows, np.float64).reshape(-1, 7)
 
 
 def _are_poses(poses: FloatArray) -> bool:

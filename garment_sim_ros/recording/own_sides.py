@@ -12,6 +12,7 @@ the way along the limb stays under the cloth, or leaves it through an opening.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +22,11 @@ from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.contact.crossings import find_hits
-from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.recording.limb_lines import LimbLines
+
+if TYPE_CHECKING:  # reading a recording needs no simulation
+    from garment_sim_ros.garment.garment import Garment
 
 _FACING = -0.5
 """Cosine between a garment's outward normal and the way from the skin to it, below which its outer
@@ -50,7 +53,7 @@ class OwnSides:
     lines: LimbLines
 
     @classmethod
-    def of(cls, garments: Sequence[Garment], body: Body) -> "OwnSides":
+    def of(cls, garments: "Sequence[Garment]", body: Body) -> "OwnSides":
         """By the rest poses of garments and body."""
         skin = Skinner(body.skin).vertices(rest_transforms(body.rig))
         triangles = body.skin.triangles

@@ -77,7 +77,8 @@ class Session:
         watched = len(self._page.server.get_clients())
         self.scene.dress(self._source.cloths)
         self.scene.set_colliders(self._source.colliders)
-        self._prepare()
+        if self.frames:  # the body comes after the first picture
+            self._prepare()
         due = frame is not None or self.panel.changed or self.scene.is_behind
         due = due or watched > self._watched
         self._watched = watched

@@ -2,6 +2,7 @@
 
 import time
 
+import psutil
 from ros_input.processes import wait_until
 from std_msgs.msg import String
 
@@ -11,7 +12,7 @@ from garment_sim_ros.mocap.source_urdf import urdf_from_clip
 from garment_sim_ros.ros.serialize import Joints
 from garment_sim_ros.ros.topics import JOINT_STATES, ROBOT_DESCRIPTION
 from soak.avatar import Avatar
-from soak.report import Row, at_most
+from soak.report import Row, at_least, at_most
 
 SECOND = 10**9
 _PERIOD = SECOND // 60
@@ -34,6 +35,8 @@ def run(lengths):
         message = Joints(clips[0].rig.dofs.names, "world")
         avatar.probe.publish(ROBOT_DESCRIPTION, String(data=urdf_from_clip(clips[0])))
         samplers = [ClipSampler(clip, "carry") for clip in clips]
+        used = {name: psutil.Process(avatar.nodes[name].pid) for name in names}
+        before = {name: sum(process.cpu_times()[:2]) for name, process in used.items()}
         begun, stamp, began = 1000 * SECOND, 1000 * SECOND, time.monotonic()
         for hour in range(lengths.hours):
             end = begun + round((hour + 1) * lengths.hour * SECOND)
@@ -47,12 +50,21 @@ def run(lengths):
                     if stamp - begun > _AHEAD:
                         wait_until(lambda to=limit: avatar.stamp >= to, "the cloth keeps up")
             told.append((avatar.fresh()["pierced"], *map(avatar.memory, names)))
+            if stamp < end:
+                break
         played = (stamp - begun) / SECOND
+        times = {n: sum(process.cpu_times()[:2]) - before[n] for n, process in used.items()}
         rows = [
             Row("simulated time", f"{played / 3600.0:.3f} h"),
             Row("times real time", f"{played / (time.monotonic() - began):.2f}"),
+            *(
+                Row(f"processor time of {n}", f"{spent / played:.2f} s a second")
+                for n, spent in times.items()
+            ),
             at_most("pierced, worst hour's end", 100.0 * max(row[0] for row in told), 0.0, "%"),
         ]
+        # Nothing can be seen to grow where nothing came before.
+        rows.append(at_least("ends of hours, the last one cut short", len(told), 2))
         for k, name in enumerate(names, 1):
             grown = max(row[k] for row in told) - told[0][k]
             rows.append(at_most(f"memory that {name} grew by", grown, _GROWTH, "MiB"))

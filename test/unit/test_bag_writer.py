@@ -108,15 +108,15 @@ def test_the_file_itself_has_the_same_metadata(tmp_path):
     assert b"ros_distro: rosbags" not in content
 
 
-@pytest.mark.parametrize("room", [1_100_000, 2_500_000, 3_149_000, 3_400_000])
-def test_a_recording_that_runs_out_of_room_ends_before(tmp_path, room):
+def limited(path, room):
+    """As `write`, 70 messages in a process that may write so many bytes to a file."""
     script = f"""
     import resource, signal
     from pathlib import Path
     from test_bag_writer import write
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {room}))
-    print(write(Path({str(tmp_path / "bag")!r}), 70))
+    print(write(Path({str(path)!r}), 70))
     """
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(script)],
@@ -127,7 +127,24 @@ def test_a_recording_that_runs_out_of_room_ends_before(tmp_path, room):
     )
     assert done.returncode == 0, done.stderr
     assert not done.stderr
-    count = int(done.stdout)
+    return int(done.stdout)
+
+
+@pytest.mark.parametrize("room", [None, 2_500_000])
+def test_the_reader_of_the_formats_authors_reads_all_of_it(tmp_path, room):
+    """Also where the disk was full."""
+    reader = pytest.importorskip("mcap.reader")
+    count = write(tmp_path / "bag", 3) if room is None else limited(tmp_path / "bag", room)
+    with (tmp_path / "bag" / "bag.mcap").open("rb") as stream:
+        found = reader.make_reader(stream)
+        assert found.get_summary().statistics.message_count == count
+        times = [message.log_time for _, _, message in found.iter_messages()]
+    assert times == list(range(10**9, 10**9 + count))
+
+
+@pytest.mark.parametrize("room", [1_100_000, 2_500_000, 3_149_000, 3_400_000])
+def test_a_recording_that_runs_out_of_room_ends_before(tmp_path, room):
+    count = limited(tmp_path / "bag", room)
     # All whole chunks, of a mebibyte each, that there was room for.
     assert count == min(70, room // (2**20 + 2000) * 21)
     assert numbers(tmp_path / "bag") == list(range(count))

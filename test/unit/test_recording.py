@@ -5,8 +5,9 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import InputFileError
-from garment_sim_ros.recording.bags import read_recording
+from garment_sim_ros.recording.bags import ColliderTrack, read_recording
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 FRAMES = 10
@@ -206,3 +207,27 @@ def test_what_is_no_bag_is_a_clear_error(tmp_path):
     for path in (tmp_path, tmp_path / "nothing"):
         with pytest.raises(InputFileError, match="rosbag2"):
             read_recording(path)
+
+
+def test_poses_between_two_messages_are_interpolated_and_those_of_one_are_its():
+    turns = np.array([0.0, 0.3, 1.1])
+    track = ColliderTrack(
+        colliders=ColliderSet(colliders=(Collider(name="frame_a", kind="frame", bone="a"),)),
+        stamp=np.array([100, 200, 400]),
+        position=np.array([[[0.0, 0.0, 1.0]], [[2.0, 0.0, 1.0]], [[2.0, 4.0, 1.0]]]),
+        orientation=np.stack(
+            [0 * turns, 0 * turns, np.sin(0.5 * turns), np.cos(0.5 * turns)], axis=-1
+        )[:, None],
+    )
+    for k, stamp in enumerate((100, 200, 400)):
+        poses = track.at(stamp)
+        assert np.array_equal(poses.position, track.position[k])
+        assert np.array_equal(poses.orientation, track.orientation[k])
+    poses = track.at(350)
+    np.testing.assert_allclose(poses.position, [[2.0, 3.0, 1.0]])
+    turn = 0.3 + 0.75 * 0.8
+    np.testing.assert_allclose(
+        poses.orientation, [[0.0, 0.0, np.sin(0.5 * turn), np.cos(0.5 * turn)]]
+    )
+    assert track.at(99) is None
+    assert track.at(401) is None

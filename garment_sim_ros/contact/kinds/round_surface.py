@@ -1,7 +1,6 @@
 """Triangle meshes of round shapes: the convex hull of points on them."""
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.contact.kinds.kind import Surface
@@ -18,6 +17,9 @@ def directions(count: int) -> FloatArray:
 
 def convex_surface(points: FloatArray) -> Surface:
     """The convex hull of points [n, 3] with outward triangles."""
+    # Here: it takes a tenth of a program's start, and few draw round shapes.
+    from scipy.spatial import ConvexHull
+
     hull = ConvexHull(points)
     triangles = hull.simplices
     a, b, c = (points[triangles[:, k]] for k in range(3))

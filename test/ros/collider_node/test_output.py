@@ -24,7 +24,6 @@ from garment_sim_ros.ros.topics import (
     JOINT_STATES,
     ROBOT_DESCRIPTION,
     ROOT_POSE,
-    TF,
 )
 
 pytestmark = pytest.mark.ros
@@ -57,21 +56,6 @@ def test_poses_are_those_of_the_retargeted_body(feeder, expected_poses):
         found = as_array(message)
         expected = expected_poses(feeder.clip.values[feeder.sample])
         np.testing.assert_allclose(found, expected, atol=1e-9)
-
-
-@pytest.mark.skipif(TF is None, reason="tf2_msgs is not installed")
-def test_root_frame(feeder, until):
-    root, frames = feeder.probe.listen(ROOT_POSE), feeder.probe.listen(TF)
-
-    def both():
-        feeder.send()
-        return feeder.probe.received(root) and feeder.probe.received(frames)
-
-    until(both, "the root's pose and frame")
-    (found,) = feeder.probe.received(frames)[-1].transforms
-    assert found.header.frame_id == "world"
-    assert found.child_frame_id.endswith("/hips")
-    assert 0.7 < found.transform.translation.z < 1.2
 
 
 def test_root_pose_and_markers(feeder, until):
