@@ -15,9 +15,9 @@ from garment_sim_ros.geometry.mesh_distance import MeshDistance
 
 _THIN = 0.015
 """A hull whose core is nearer to its surface than this is thin [m]."""
-_WAYS = np.concatenate([f * lattice(50) for f in np.linspace(0.0, 0.08, 6)], axis=1)
+_WAYS = np.concatenate([f * lattice(50) for f in np.linspace(0.0, 0.06, 6)], axis=1)
 """Ways from the first side to the second that are tried [m], shape [3, w]."""
-_SMALLER = 0.7
+_SMALLER = 0.5
 """Size of the second side, as a share: it is to stay inside the body."""
 
 

@@ -67,7 +67,8 @@ def test_root_frame_is_the_hips_of_the_clip(feeder, hips, until):
     def both():
         stamp = feeder.send()
         samples[stamp] = feeder.sample
-        return len(frames) > 20 and len(feeder.probe.received(root)) > 20
+        stamps = {nanoseconds(t) for message in frames for t in message.transforms}
+        return len(stamps & {nanoseconds(m) for m in feeder.probe.received(root)}) > 10
 
     until(both, "the root's pose and frame")
     poses = {nanoseconds(m): m.pose for m in feeder.probe.received(root)}
