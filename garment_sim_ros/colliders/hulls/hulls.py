@@ -93,7 +93,7 @@ def fit_hulls(
     skin = MeshDistance(body.skin.vertices, body.skin.triangles)
 
     def of_region(m: int) -> list[tuple[int, Made]]:
-        made = _hulls_of_region(body, regions, m, (surfaces[m], skin), saving, settings)
+        made = _hulls_of_region(body, regions, m, surfaces[m], skin, saving, settings)
         return [(m, one) for one in made]
 
     fitted = _all(of_region, range(len(surfaces)))
@@ -113,12 +113,11 @@ def _hulls_of_region(
     body: Body,
     regions: Regions,
     m: int,
-    surfaces: tuple[FloatArray, MeshDistance],
+    surface: FloatArray,
+    skin: MeshDistance,
     saving: float,
     settings: HullSettings,
 ) -> Iterator[Made]:
-    """Of one region: its own surface, and all of the skin."""
-    surface, skin = surfaces
     if len(surface) == 0:
         return
     bone = regions.names[m]
