@@ -5,8 +5,8 @@ spheres along its bone, a hand spheres in its plane. Where one of these is neare
 than `_GAP`, the whole arm is turned about the shoulder; what is clear stays as it is. A
 first pose is cleared by the smallest turn away from the axes of what it is in. From then on
 arms are pushed: the turn shrinks, and whatever is in the way moves the arm ahead of it, as a thigh
-that is kicked up takes along a hand. So an arm does not pass through what it was beside, nor twitch where another way out becomes
-the shorter one.
+that is kicked up takes along a hand. So an arm does not pass through what it was beside, nor
+twitch where another way out becomes the shorter one.
 """
 
 from dataclasses import dataclass
