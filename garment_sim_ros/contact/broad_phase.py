@@ -1,4 +1,4 @@
-"""Which shapes come near a block of particles, and one particle of it."""
+"""Which shapes come near one particle of a block; for the block see `geometry.boxes`."""
 
 import numpy as np
 
@@ -8,39 +8,6 @@ from garment_sim_ros.jit import lean_kernel
 DIAGONAL = 1.8
 """A box that is wider by some length on all sides holds no point farther out than this, times it:
 the root of three, and some."""
-
-
-@lean_kernel(inner=True)
-def shapes_near_box(box, low_x, low_y, low_z, high_x, high_y, high_z, reach, found):
-    """Finds the shapes whose box is at most `reach` away from a box, along every axis.
-
-    Args:
-        box: Boxes of the shapes, see `PosedShapes`, shape [m, 6].
-        low_x: Lowest corner of the box [m].
-        low_y: See `low_x`.
-        low_z: See `low_x`.
-        high_x: Highest corner of the box [m].
-        high_y: See `high_x`.
-        high_z: See `high_x`.
-        reach: How far away a shape may be [m].
-        found: Output, room for all shapes and one more.
-
-    Returns:
-        Number of shapes found.
-    """
-    n = 0
-    for k in range(box.shape[0]):
-        near = (
-            (box[k, 0] - reach <= high_x)
-            & (box[k, 3] + reach >= low_x)
-            & (box[k, 1] - reach <= high_y)
-            & (box[k, 4] + reach >= low_y)
-            & (box[k, 2] - reach <= high_z)
-            & (box[k, 5] + reach >= low_z)
-        )
-        found[n] = k
-        n += 1 if near else 0
-    return n
 
 
 @lean_kernel(inner=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from garment_sim_ros.arrays import SingleArray
 from garment_sim_ros.contact.block import NEAREST, NEXT, OUTER, WHICH, load_block
-from garment_sim_ros.contact.broad_phase import DIAGONAL, shapes_near_box
+from garment_sim_ros.contact.broad_phase import DIAGONAL
 from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.contact.distance import nearest_of_block, shape_distance
 from garment_sim_ros.contact.friction import resist_slip
@@ -31,6 +31,7 @@ from garment_sim_ros.contact.packed import PackedShapes, PosedShapes
 from garment_sim_ros.contact.pinch import stay_between
 from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER, Sides
 from garment_sim_ros.contact.way_out import give_way, leave_union
+from garment_sim_ros.geometry.boxes import boxes_near, in_columns
 from garment_sim_ros.geometry.locality import BLOCK
 from garment_sim_ros.geometry.vectors import along, length, less, row
 from garment_sim_ros.jit import lean_kernel
@@ -60,9 +61,10 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
     """One pass over all particles; see `collide`."""
     touching = 0
     contacts.shape[:] = -1
+    in_columns(posed.box, contacts.columns)
     for begin in range(0, x.shape[0], BLOCK):
         end = min(begin + BLOCK, x.shape[0])
-        near, reach = _find_block(posed, x, begin, end, thickness, contacts)
+        near, reach = _find_block(x, begin, end, thickness, contacts)
         if near == 0:
             continue
         nearby = Nearby(shapes, posed, sides.side, near, reach, contacts)
@@ -73,12 +75,12 @@ def collide_particles(shapes, posed, sides, x, x_start, thickness, friction, con
 
 
 @lean_kernel(inner=True)
-def _find_block(posed, x, begin, end, thickness, contacts):
+def _find_block(x, begin, end, thickness, contacts):
     """How many shapes are near to particles begin to end - 1, and the `Reach` of these."""
     x0, y0, z0, x1, y1, z1 = load_block(x.reshape(-1), begin, end, contacts.block)
     valid = thickness + np.float32(0.125) * max(x1 - x0, y1 - y0, z1 - z0)
     margin = valid + np.float32(DIAGONAL) * thickness
-    near = shapes_near_box(posed.box, x0, y0, z0, x1, y1, z1, margin, contacts.near)
+    near = boxes_near(contacts.columns, x0, y0, z0, x1, y1, z1, margin, contacts.near)
     rounding = np.float32(_ROUNDING) * (
         max(abs(x0), abs(x1)) + max(abs(y0), abs(y1)) + max(abs(z0), abs(z1)) + margin
     )

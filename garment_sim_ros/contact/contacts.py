@@ -6,6 +6,7 @@ import numpy as np
 
 from garment_sim_ros.arrays import IntArray, SingleArray
 from garment_sim_ros.contact.block import ROWS
+from garment_sim_ros.geometry.boxes import column_of
 from garment_sim_ros.geometry.locality import BLOCK
 
 
@@ -17,6 +18,7 @@ class Contacts(NamedTuple):
         normal: Its outward unit normal, set where there is contact, shape [n, 3].
         depth: How deep the particle was in it [m], set where there is contact, infinite where
             another shape presses it against that one, shape [n].
+        columns: Scratch: boxes of the shapes, see `geometry.boxes`.
         near: Scratch: shapes near a block, shape [m + 1].
         distance: Scratch: distances of its particles to those [m], shape [m * BLOCK].
         found: Scratch: shapes near a particle, shape [m + 1].
@@ -29,6 +31,7 @@ class Contacts(NamedTuple):
     shape: IntArray
     normal: SingleArray
     depth: SingleArray
+    columns: SingleArray
     near: IntArray
     distance: SingleArray
     found: IntArray
@@ -44,6 +47,7 @@ class Contacts(NamedTuple):
             shape=np.full(particles, -1, np.int32),
             normal=np.zeros((particles, 3), np.float32),
             depth=np.zeros(particles, np.float32),
+            columns=np.zeros(6 * column_of(shapes), np.float32),
             near=np.zeros(shapes + 1, np.int32),
             distance=np.zeros(shapes * BLOCK, np.float32),
             found=np.zeros(shapes + 1, np.int32),

@@ -109,6 +109,39 @@ def interpolate_poses(
             orientation[i, k] = q[k]
 
 
+@kernel(inner=True)
+def _rotation(q, i, R):
+    """Writes the rotation matrix of quaternion i to the upper left of matrix i."""
+    x, y, z, w = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+    R[i, 0, 0] = 1.0 - 2.0 * (y * y + z * z)
+    R[i, 0, 1] = 2.0 * (x * y - z * w)
+    R[i, 0, 2] = 2.0 * (x * z + y * w)
+    R[i, 1, 0] = 2.0 * (x * y + z * w)
+    R[i, 1, 1] = 1.0 - 2.0 * (x * x + z * z)
+    R[i, 1, 2] = 2.0 * (y * z - x * w)
+    R[i, 2, 0] = 2.0 * (x * z - y * w)
+    R[i, 2, 1] = 2.0 * (y * z + x * w)
+    R[i, 2, 2] = 1.0 - 2.0 * (x * x + y * y)
+
+
+@kernel()
+def _rotations(q, R):
+    """Rotation matrices [n, 3, 3] of unit quaternions [n, 4]."""
+    for i in range(q.shape[0]):
+        _rotation(q, i, R)
+
+
+@kernel()
+def _transforms(position, q, T):
+    """Transforms [n, 4, 4] of positions [n, 3] and unit quaternions [n, 4]."""
+    for i in range(q.shape[0]):
+        _rotation(q, i, T)
+        for k in range(3):
+            T[i, k, 3] = position[i, k]
+            T[i, 3, k] = 0.0
+        T[i, 3, 3] = 1.0
+
+
 def matrix_from_quaternion(q: FloatArray) -> FloatArray:
     """Rotation matrices of unit quaternions.
 
@@ -118,18 +151,9 @@ def matrix_from_quaternion(q: FloatArray) -> FloatArray:
     Returns:
         Rotation matrices, shape [..., 3, 3].
     """
-    q = np.asarray(q, dtype=np.float64)
-    x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    q = np.array(q, np.float64, order="C")  # a copy: kernels know arrays that can be written to
     R = np.empty((*q.shape[:-1], 3, 3))
-    R[..., 0, 0] = 1 - 2 * (y * y + z * z)
-    R[..., 0, 1] = 2 * (x * y - z * w)
-    R[..., 0, 2] = 2 * (x * z + y * w)
-    R[..., 1, 0] = 2 * (x * y + z * w)
-    R[..., 1, 1] = 1 - 2 * (x * x + z * z)
-    R[..., 1, 2] = 2 * (y * z - x * w)
-    R[..., 2, 0] = 2 * (x * z - y * w)
-    R[..., 2, 1] = 2 * (y * z + x * w)
-    R[..., 2, 2] = 1 - 2 * (x * x + y * y)
+    _rotations(q.reshape(-1, 4), R.reshape(-1, 3, 3))
     return R
 
 
@@ -172,11 +196,11 @@ def quaternion_from_matrix(rotation: FloatArray) -> FloatArray:
 
 def transform_from(position: FloatArray, orientation: FloatArray) -> FloatArray:
     """Homogeneous transforms from positions [..., 3] [m] and unit quaternions [..., 4]."""
-    position = np.asarray(position, dtype=np.float64)
-    T = np.zeros((*position.shape[:-1], 4, 4))
-    T[..., :3, :3] = matrix_from_quaternion(orientation)
-    T[..., :3, 3] = position
-    T[..., 3, 3] = 1.0
+    x = np.array(position, np.float64, order="C")
+    q = np.empty((*x.shape[:-1], 4))
+    q[...] = orientation
+    T = np.empty((*x.shape[:-1], 4, 4))
+    _transforms(x.reshape(-1, 3), q.reshape(-1, 4), T.reshape(-1, 4, 4))
     return T
 
 

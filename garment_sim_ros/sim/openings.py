@@ -6,6 +6,7 @@ of its tips to another that goes through an opening once cannot leave it but pas
 the cloth. An opening is the cone from its middle to its edge.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from garment_sim_ros.contact.crossings import find_hits
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.topology import boundary_loops
+from garment_sim_ros.jit import exact_kernel
 
 _BEYOND = 0.4
 """How far a tip reaches [m]: a foot that is drawn into a long skirt still points at its hem."""
@@ -88,6 +90,72 @@ def _branch(tree: coo_matrix, degree: NDArray[np.integer], tip: int) -> float:
     return far
 
 
+class Rims(NamedTuple):
+    """The edges of a garment's openings, each a fan of triangles about its middle.
+
+    Attributes:
+        vertex: The vertices of all edges, one after the other, shape [p].
+        first: Where those of each opening start, one more at the end, shape [o + 1].
+        fan: Triangles of each opening, as many as vertices: 0 its middle, then they, shape [p, 3].
+        corners: Scratch: an opening's middle and edge [m], shape [any, 3].
+        node: Scratch: nodes before which the tree crosses a fan, shape [any].
+        at: Scratch, shape [any].
+    """
+
+    vertex: IntArray
+    first: IntArray
+    fan: IntArray
+    corners: SingleArray
+    node: IntArray
+    at: FloatArray
+
+    @classmethod
+    def of(cls, loops: Sequence[IntArray]) -> "Rims":
+        """Those of closed loops of vertices."""
+        sizes = [len(loop) for loop in loops]
+        return cls(
+            vertex=np.concatenate([np.zeros(0, np.int32), *loops]),
+            first=np.cumsum([0, *sizes], dtype=np.int32),
+            fan=np.concatenate([np.zeros((0, 3), np.int32), *map(_fan, sizes)]),
+            corners=np.zeros((1 + max(sizes, default=0), 3), np.float32),
+            node=np.empty(_MOST, np.int32),
+            at=np.empty(_MOST),
+        )
+
+
+@exact_kernel()
+def find_beyond(rims, x, edges, later, before, tip, beyond):
+    """For each opening, the tips on its other side as seen from the first tip.
+
+    Args:
+        rims: `Rims`.
+        x: Vertices of the garment [m], shape [v, 3].
+        edges: The edge of the tree that ends at each node of `later` [m], shape [n - 1, 2, 3].
+        later: Nodes, each after the one before it, without the first, shape [n - 1].
+        before: See `Tips`.
+        tip: See `Tips`.
+        beyond: Receives them, shape [o, t].
+    """
+    side, odd = np.zeros(before.size, np.bool_), np.zeros(later.size, np.bool_)
+    for o in range(rims.first.size - 1):
+        begin, end = rims.first[o], rims.first[o + 1]
+        corners = rims.corners[: 1 + end - begin]
+        corners[0] = np.float32(0.0)
+        for n in range(begin, end):
+            for k in range(3):
+                at = x[rims.vertex[n], k]
+                corners[1 + n - begin, k] = at
+                corners[0, k] += at / np.float32(end - begin)
+        count = find_hits(edges, corners, rims.fan[begin:end], rims.node, rims.at)
+        odd[:] = False
+        for n in range(min(count, rims.node.size)):
+            odd[rims.node[n]] = not odd[rims.node[n]]
+        for n in range(later.size):
+            side[later[n]] = side[before[later[n]]] != odd[n]
+        for n in range(tip.size):
+            beyond[o, n] = side[tip[n]]
+
+
 class Openings:
     """The openings of one garment on one body.
 
@@ -103,16 +171,14 @@ class Openings:
     ) -> None:
         self._cores = cores = Cores.of(colliders)
         try:
-            self._loops = boundary_loops(triangles)
+            self._rims = Rims.of(boundary_loops(triangles))
         except GeometryError:  # openings that touch
-            self._loops = []
-        self._fans = [_fan(len(loop)) for loop in self._loops]
-        self._core, self._at = np.empty(_MOST, np.int32), np.empty(_MOST)
+            self._rims = Rims.of([])
         T = T_world_rest[cores.collider]
         rest = np.einsum("cij,cej->cei", T[:, :3, :3], cores.ends) + T[:, None, :3, 3]
         self._used = np.flatnonzero(np.isfinite(rest).all(axis=(1, 2)))
         self._tips = tips_of(rest[self._used]) if len(self._used) else None
-        self._worn: list[NDArray[np.bool_]] = []
+        self._worn = np.zeros((0, 0), np.bool_)
 
     def begin(self, x: SingleArray, poses: ColliderPoses) -> None:
         """The garment was put on: what is through its openings now shall be.
@@ -125,16 +191,15 @@ class Openings:
 
     def lost(self, x: SingleArray, poses: ColliderPoses) -> bool:
         """Whether nothing is through an opening any more that something was through."""
-        if not self._worn:
-            return False  # It was not put on.
+        if not self._worn.any():
+            return False  # It was not put on, or nothing is through it.
         now = self._through(x, self._cores.posed(poses))
-        pairs = zip(self._worn, now, strict=True)
-        return any(worn.any() and not (worn & is_now).any() for worn, is_now in pairs)
+        return bool((self._worn.any(axis=1) & ~(self._worn & now).any(axis=1)).any())
 
-    def _through(self, x: SingleArray, ends: FloatArray) -> list[NDArray[np.bool_]]:
+    def _through(self, x: SingleArray, ends: FloatArray) -> NDArray[np.bool_]:
         """For each opening, the tips on its other side as seen from the first tip."""
         if self._tips is None:
-            return []
+            return np.zeros((0, 0), np.bool_)
         tips = self._tips
         points = ends[self._used].reshape(-1, 3)
         way = points[tips.end] - points[tips.end ^ 1]
@@ -142,22 +207,12 @@ class Openings:
         nodes = np.concatenate([points, points[tips.end] + way])
         later = tips.order[1:]
         edges = np.stack([nodes[tips.before[later]], nodes[later]], axis=1)
-        found = []
-        for loop, fan in zip(self._loops, self._fans, strict=True):
-            rim = x[loop]
-            corners = np.concatenate([rim.mean(axis=0, keepdims=True), rim])
-            count = min(find_hits(edges, corners, fan, self._core, self._at), _MOST)
-            odd = np.bincount(self._core[:count], minlength=len(edges)) % 2 == 1
-            beyond = np.zeros(len(nodes), np.bool_)
-            for node, crosses in zip(later, odd, strict=True):
-                beyond[node] = beyond[tips.before[node]] ^ crosses
-            found.append(beyond[tips.tip])
-        return found
+        beyond = np.zeros((len(self._rims.first) - 1, len(tips.tip)), np.bool_)
+        find_beyond(self._rims, x, edges, later, tips.before, tips.tip, beyond)
+        return beyond
 
 
 def _fan(count: int) -> IntArray:
     """Triangles from point 0 to a ring of so many points from 1 on."""
     ring = np.arange(count, dtype=np.int32)
-    fan = np.stack([np.zeros_like(ring), 1 + ring, 1 + (ring + 1) % count], axis=1)
-    fan.setflags(write=False)
-    return fan
+    return np.stack([np.zeros_like(ring), 1 + ring, 1 + (ring + 1) % count], axis=1)

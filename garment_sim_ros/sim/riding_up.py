@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.topology import boundary_loops
+from garment_sim_ros.jit import exact_kernel
 from garment_sim_ros.sim.placement import GarmentLike, blend
 
 _SHORTEST = 0.25
@@ -27,6 +28,30 @@ class Hem(NamedTuple):
 
     vertex: IntArray
     held: IntArray
+
+
+@exact_kernel()
+def sums_over_hem(x, vertex, held, skin, down):
+    """Sums over a hem: its distance from what holds it as skin and now, and how far below [m].
+
+    Args:
+        x: World positions of the garment's vertices [m], shape [v, 3].
+        vertex: See `Hem`.
+        held: See `Hem`.
+        skin: Where these, and then those, would be as skin [m], shape [2, n, 3].
+        down: The direction of gravity, shape [3].
+    """
+    length = now = below = 0.0
+    for n in range(vertex.size):
+        as_skin = as_cloth = 0.0
+        for k in range(3):
+            way = skin[0, n, k] - skin[1, n, k]
+            as_skin += way * way
+            as_cloth += (x[vertex[n], k] - x[held[n], k]) ** 2
+            below += way * down[k]
+        length += np.sqrt(as_skin)
+        now += np.sqrt(as_cloth)
+    return length, now, below
 
 
 class RidingUp:
@@ -68,10 +93,7 @@ class RidingUp:
             return False
         for hem in self.hems:
             skin = blend(self._garment, T_world_frame, np.concatenate(hem)).reshape(2, -1, 3)
-            way = skin[0] - skin[1]
-            length = float(np.linalg.norm(way, axis=1).sum())
-            now = float(np.linalg.norm(x[hem.vertex] - x[hem.held], axis=1).sum())
-            below = float((way @ gravity).sum()) / strength
+            length, now, below = sums_over_hem(x, hem.vertex, hem.held, skin, gravity / strength)
             if below > _BELOW * length and now < _RODE_UP * length:
                 return True
         return False

@@ -6,13 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
+from garment_sim_ros.geometry.boxes import boxes_near, column_of, in_columns
 from garment_sim_ros.geometry.principal_axes import principal_axes
 from garment_sim_ros.geometry.transforms import (
     interpolate_poses,
+    matrix_from_quaternion,
     quaternion_multiply,
     rotate,
+    transform_from,
     unit_quaternion,
 )
+from garment_sim_ros.jit import lean_kernel
 
 
 @given(st.integers(0, 10**6), st.sampled_from([0.0, 0.3, 1.0]))
@@ -65,3 +69,46 @@ def test_principal_axes(seed, flatness):
     np.testing.assert_allclose(axes @ np.diag(np.diag(values)) @ axes.T, S, atol=1e-12)
     np.testing.assert_allclose(np.sort(np.diag(values)), np.linalg.eigvalsh(S), atol=1e-12)
     assert np.abs(values - np.diag(np.diag(values))).max() < 1e-12
+
+
+@given(st.integers(0, 10**6))
+@settings(derandomize=True, deadline=None, max_examples=20)
+def test_matrices_and_transforms_of_quaternions(seed):
+    """Of one, of rows, of an array that cannot be written to, and of one turn for many places."""
+    rng = np.random.default_rng(seed)
+    q = Rotation.random(6, rng).as_quat()
+    q.flags.writeable = False
+    x = rng.normal(size=(6, 3))
+    R = Rotation.from_quat(q).as_matrix()
+    np.testing.assert_allclose(matrix_from_quaternion(q), R, atol=1e-12)
+    np.testing.assert_allclose(matrix_from_quaternion(q[1]), R[1], atol=1e-12)
+    np.testing.assert_allclose(
+        matrix_from_quaternion(q.reshape(2, 3, 4)), R.reshape(2, 3, 3, 3), atol=1e-12
+    )
+    T = np.tile(np.eye(4), (6, 1, 1))
+    T[:, :3, :3], T[:, :3, 3] = R, x
+    np.testing.assert_allclose(transform_from(x, q), T, atol=1e-12)
+    np.testing.assert_allclose(transform_from(x[2], q[2]), T[2], atol=1e-12)
+    T[:, :3, :3] = R[0]
+    np.testing.assert_allclose(transform_from(x, q[0]), T, atol=1e-12)
+
+
+@given(st.integers(0, 10**6), st.integers(1, 23), st.sampled_from([0.0, 0.05]))
+@settings(derandomize=True, deadline=None, max_examples=40)
+def test_boxes_near_a_box(seed, count, reach):
+    """As one by one, with corners on a lattice, so that some boxes just touch."""
+    rng = np.random.default_rng(seed)
+    corners = rng.integers(-6, 7, (count + 1, 2, 3)) / np.float32(4.0)
+    boxes = np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1).astype(np.float32)
+    box, others = boxes[0], boxes[1:]
+    columns = np.zeros(6 * column_of(count), np.float32)
+    found = np.zeros(count + 1, np.int32)
+    many = _boxes_near(others, columns, box, np.float32(reach), found)
+    near = (others[:, :3] <= box[3:] + reach) & (others[:, 3:] >= box[:3] - reach)
+    assert found[:many].tolist() == np.flatnonzero(near.all(axis=1)).tolist()
+
+
+@lean_kernel()
+def _boxes_near(boxes, columns, box, reach, found):
+    in_columns(boxes, columns)
+    return boxes_near(columns, box[0], box[1], box[2], box[3], box[4], box[5], reach, found)

@@ -6,7 +6,7 @@ import numpy as np
 
 from garment_sim_ros.colliders.hulls.hulls import HullFit
 from garment_sim_ros.contact.kinds.hull import HULL
-from garment_sim_ros.contact.kinds.packed_hulls import pack_hulls
+from garment_sim_ros.contact.kinds.packed_hulls import LISTED, WHOLE, pack_hulls
 
 
 def hull_report(fit: HullFit) -> dict[str, dict[str, Any]]:
@@ -16,7 +16,7 @@ def hull_report(fit: HullFit) -> dict[str, dict[str, Any]]:
         ``kind``, ``note``, and for hulls ``faces_before`` and ``faces``, ``volume_excess`` over
         the un-inflated hull, ``clearance_mm_min`` and ``_mean`` that its faces have gained,
         ``outside`` (skin points of its region; 0), and of the map that contact uses ``cells`` and
-        the ``longest`` and ``mean`` list of those that list faces.
+        the ``longest`` and ``mean`` list of those that list faces, in fours.
     """
     report: dict[str, dict[str, Any]] = {}
     for shape, collider in zip(fit.shapes, fit.colliders.colliders):
@@ -24,8 +24,9 @@ def hull_report(fit: HullFit) -> dict[str, dict[str, Any]]:
         if shape.kind != HULL.name:
             continue
         g = collider.geometry
-        lists = np.diff(pack_hulls({shape.name: (g["vertices"], g["faces"])}).start)
-        used = lists[lists > 0]
+        packed = pack_hulls({shape.name: (g["vertices"], g["faces"])})
+        lists = packed.near.reshape(-1, LISTED)[:-1, -1].astype(np.int64)
+        used = np.where(lists == WHOLE, packed.first[1], lists)[lists > 0]
         report[shape.name] |= {
             "faces_before": shape.faces_before,
             "faces": shape.faces,

@@ -10,6 +10,7 @@ from garment_sim_ros.contact.cores import Cores
 from garment_sim_ros.contact.guard.outside import outside
 from garment_sim_ros.contact.packed import PackedShapes
 from garment_sim_ros.contact.shapes import ColliderSet
+from garment_sim_ros.geometry.boxes import column_of
 
 _SHARE = 0.6
 """Distance that triangles keep from a core, as a share of how deep it is in its shape."""
@@ -36,6 +37,7 @@ class Guard(NamedTuple):
         outside: Whether each core belongs outside of each triangle, not under it, shape [c, t].
         box: Scratch: boxes of blocks of triangles [m], shape [b, 6].
         posed: Scratch: ends of the cores at the last search and now [m], shape [2, c, 2, 3].
+        columns: Scratch: the same boxes, see `geometry.boxes`.
         blocks: Scratch: blocks of triangles that are near a core, shape [b + 1].
         pairs: Scratch: cores and triangles that are near each other, room for one more, shape
             [2, k + 1].
@@ -59,6 +61,7 @@ class Guard(NamedTuple):
     outside: NDArray[np.bool_]
     box: SingleArray
     posed: FloatArray
+    columns: SingleArray
     blocks: IntArray
     pairs: IntArray
     seen: IntArray
@@ -109,6 +112,7 @@ class Guard(NamedTuple):
             outside=outside(side[shape], rest, triangles, x_rest, float(shapes.longest)),
             box=np.zeros((-(-t // BLOCK), 6), np.float32),
             posed=np.zeros((2, c, 2, 3)),
+            columns=np.zeros(6 * column_of(-(-t // BLOCK)), np.float32),
             blocks=np.zeros(-(-t // BLOCK) + 1, np.int32),
             pairs=np.zeros((2, _MOST + 1), np.int32),
             seen=np.full((c, t), -9, np.int32),
@@ -133,6 +137,7 @@ class Guard(NamedTuple):
             outside=np.zeros((0, 0), np.bool_),
             box=np.zeros((0, 6), np.float32),
             posed=np.zeros((2, 0, 2, 3)),
+            columns=np.zeros(0, np.float32),
             blocks=np.zeros(1, np.int32),
             pairs=np.zeros((2, 1), np.int32),
             seen=np.zeros((0, 0), np.int32),

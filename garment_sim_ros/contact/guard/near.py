@@ -4,6 +4,7 @@ import numpy as np
 
 from garment_sim_ros.contact.guard.guard import BLOCK, TRACK
 from garment_sim_ros.contact.guard.nearest import along_segment
+from garment_sim_ros.geometry.boxes import boxes_near, in_columns
 from garment_sim_ros.geometry.four import (
     each_number,
     higher_four,
@@ -96,6 +97,7 @@ def find_near(guard, x):
         Their number.
     """
     low, high = _box_triangles(guard, x)
+    in_columns(guard.box, guard.columns)
     box, triangles, pairs = guard.box, guard.triangles, guard.pairs
     count, most = 0, pairs.shape[1] - 1
     for c in range(guard.shape.size):
@@ -107,15 +109,12 @@ def find_near(guard, x):
         apart = (low[0] > hx) | (high[0] < lx) | (low[1] > hy) | (high[1] < ly)
         if apart | (low[2] > hz) | (high[2] < lz):
             continue
-        # All are written down, and those counted that are near: nobody can guess which those are,
-        # and a wrong guess costs the processor more than the few numbers.
-        blocks = 0
-        for b in range(len(box)):
-            apart_x = (box[b, 0] > hx) | (box[b, 3] < lx)
-            apart_y = (box[b, 1] > hy) | (box[b, 4] < ly)
-            apart_z = (box[b, 2] > hz) | (box[b, 5] < lz)
-            guard.blocks[blocks] = b
-            blocks += 0 if apart_x | apart_y | apart_z else 1
+        blocks = boxes_near(
+            guard.columns,
+            *(np.float32(lx), np.float32(ly), np.float32(lz)),
+            *(np.float32(hx), np.float32(hy), np.float32(hz)),
+            *(np.float32(0.0), guard.blocks),
+        )
         for n in range(blocks):
             b = guard.blocks[n]
             if not _block_is_near(box, b, p, d, reach):

@@ -28,7 +28,13 @@ from garment_sim_ros.contact.kinds.kind import (
     Surface,
     numbers,
 )
-from garment_sim_ros.contact.kinds.packed_hulls import PackedHulls, hull_bound, pack_hulls
+from garment_sim_ros.contact.kinds.packed_hulls import (
+    LISTED,
+    WHOLE,
+    PackedHulls,
+    hull_bound,
+    pack_hulls,
+)
 from garment_sim_ros.geometry.four import (
     counted,
     each_number,
@@ -45,6 +51,8 @@ from garment_sim_ros.jit import lean_kernel
 
 _BURIED = 0.05
 """Share of the longest shape that hulls go on for outside of a buried face: 2 cm on a human."""
+_LISTED, _ONE = np.uint64(LISTED), np.uint64(1)
+_WHOLE = np.int32(WHOLE)
 
 
 @lean_kernel(inner=True)
@@ -77,16 +85,26 @@ def _four_heights(shapes, four, x, y, z):
 
 
 @lean_kernel(inner=True)
-def two_highest(shapes, begin, end, x, y, z):
-    """The two greatest heights of a point over planes, in fours from `begin` to `end` - 1.
+def two_highest(shapes, h, cell, x, y, z):
+    """The two greatest heights of a point over the planes that a cell of hull h lists.
 
     Returns:
-        The greatest height, the one after it, and which plane has the greatest.
+        The greatest height, the one after it, and which plane has the greatest; heights that are
+        very great where none is listed.
     """
-    best = second = same_four(np.float32(-np.inf))
+    at = _LISTED * cell
+    count = np.int32(shapes.hulls.near[at + _LISTED - _ONE])
+    first = shapes.hulls.first[h]
+    is_whole = count == _WHOLE
+    if is_whole:
+        count = shapes.hulls.first[h + 1] - first
+    best = second = same_four(np.float32(-np.inf if count > 0 else np.inf))
     which = counted()
     x, y, z = same_four(x), same_four(y), same_four(z)
-    for four in range(begin, end):
+    for n in range(count):
+        four = first + (
+            np.int32(n) if is_whole else np.int32(shapes.hulls.near[at + np.uint64(n)])
+        )
         height = _four_heights(shapes, four, x, y, z)
         planes = counted() + same_four(np.float32(4 * four))
         second = higher_four(lower_four(height, best), second)
@@ -116,8 +134,14 @@ def _of_both(best, second, which, other_best, other_second, other_which):
 
 
 @lean_kernel(inner=True)
-def planes_near(shapes, h, x, y, z, reach):
-    """Where the planes stand that can be the nearest to a point, in fours: first, one past last.
+def whole_hull(shapes):
+    """The cell that lists all planes, of whatever hull."""
+    return np.uint64(shapes.hulls.near.size // LISTED - 1)
+
+
+@lean_kernel(inner=True)
+def cell_near(shapes, h, x, y, z, reach):
+    """The cell that lists the planes that can be the nearest to a point.
 
     Args:
         shapes: Packed shapes with hulls.
@@ -128,9 +152,8 @@ def planes_near(shapes, h, x, y, z, reach):
         reach: Heights above this need not be known [m].
     """
     if reach <= shapes.hulls.around:
-        cell = _cell_of(shapes, h, x, y, z)
-        return shapes.hulls.start[cell], shapes.hulls.start[cell + np.uint64(1)]
-    return shapes.hulls.first[h], shapes.hulls.first[h + 1]
+        return _cell_of(shapes, h, x, y, z)
+    return whole_hull(shapes)
 
 
 @lean_kernel(inner=True)
@@ -196,8 +219,7 @@ def hull_distance(shapes, posed, k, qx, qy, qz, reach):
     high = max(x - shapes.hulls.box[h, 3], y - shapes.hulls.box[h, 4], z - shapes.hulls.box[h, 5])
     if low < -reach or high > reach:
         return np.float32(np.inf), zero, zero, zero
-    begin, end = planes_near(shapes, h, x, y, z, reach)
-    best, _, plane = two_highest(shapes, begin, end, x, y, z)
+    best, _, plane = two_highest(shapes, h, cell_near(shapes, h, x, y, z, reach), x, y, z)
     if best > reach:
         return np.float32(np.inf), zero, zero, zero
     found = _place_of(plane)

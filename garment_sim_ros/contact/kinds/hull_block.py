@@ -21,11 +21,9 @@ from garment_sim_ros.contact.block import (
     higher,
     lower,
 )
-from garment_sim_ros.contact.kinds.hull import two_highest
+from garment_sim_ros.contact.kinds.hull import two_highest, whole_hull
 from garment_sim_ros.geometry.locality import BLOCK
 from garment_sim_ros.jit import lean_kernel
-
-_ONE = np.uint64(1)
 
 
 @lean_kernel()
@@ -88,18 +86,20 @@ def hull_distances(shapes, posed, k, thickness, block, cell, lane):
     for p in range(BLOCK):
         lane[found] = p
         found += 1 if block[DISTANCE + p] <= thickness else 0
+    whole = whole_hull(shapes)
     in_grid = thickness <= shapes.hulls.around
     # Beyond a grid distances are not known, beyond the overlap of its cells faces are not.
     most = shapes.hulls.around if in_grid else np.float32(np.inf)
     reach = shapes.hulls.overlap[h] if in_grid else np.float32(np.inf)
     for n in range(found):
         i = np.uint64(lane[n])
-        begin, end = shapes.hulls.first[h], shapes.hulls.first[h + 1]
-        if in_grid:
-            at = np.uint64(cell[i])
-            begin, end = shapes.hulls.start[at], shapes.hulls.start[at + _ONE]
         best, second, plane = two_highest(
-            shapes, begin, end, block[i + ROW_U], block[i + ROW_V], block[i + ROW_W]
+            shapes,
+            h,
+            np.uint64(cell[i]) if in_grid else whole,
+            block[i + ROW_U],
+            block[i + ROW_V],
+            block[i + ROW_W],
         )
         block[i + ROW_DISTANCE] = lower(best, most)
         block[i + ROW_PLANE] = plane

@@ -20,6 +20,10 @@ _AROUND = 0.025
 """How far out the grids know distances, as a share of the largest hull: 1 cm on a human's trunk.
 Beyond, all planes are asked."""
 _FAR = 1e30
+LISTED = 8
+"""Numbers of a cell: 16 bytes, read at once. Two in a hundred cells have more than 7 fours."""
+WHOLE = 65535
+"""Instead of a count: all of the hull's fours."""
 _OVERLAP = 0.1
 """How far beyond a cell of the grids its list of planes holds, too, as a share of the cell."""
 
@@ -27,20 +31,22 @@ _OVERLAP = 0.1
 class PackedHulls(NamedTuple):
     """Hulls as flat arrays.
 
-    Planes stand in fours, so that four heights are found at once: four normals' x, y and z, the
-    offsets, and how much farther away planes are for points below them, which is nothing or, where
-    they are buried, very much. Lists that do not fill their last four end with planes that all is
-    far below.
+    Planes stand in fours that look in similar directions, so that four heights are found at once:
+    four normals' x, y and z, the offsets, and how much farther away planes are for points below
+    them, which is nothing or, where they are buried, very much. A hull's last four ends with
+    planes that all is far below. Cells list the fours that hold a plane that can be the
+    nearest: planes themselves, once for each cell, would be fifty times as much to read, more
+    than a processor keeps at hand.
 
     Attributes:
-        plane: The planes, flat: lists of the cells, hull by hull, and then whole hulls.
+        plane: The planes, flat, hull by hull.
         first: Where each hull's planes start among the fours, one more at the end, shape [h + 1].
         box: Lowest and highest corner of each hull [m], shape [h, 6].
         grid: Lowest corner of each hull's grid [m], and cells per length, shape [h, 6].
         cells: Cells along each axis, shape [h, 3].
-        first_cell: Where each hull's cells start in `start`, shape [h].
-        start: Where each cell's list starts among the fours, one more per hull, shape
-            [all cells + h].
+        first_cell: Where each hull's cells start among all, shape [h].
+        near: `LISTED` numbers for each cell and one more: which of its hull's own fours, from 0
+            on, may be the nearest; the last says how many these are, or `WHOLE`; flat.
         around: How far out the grids know distances [m].
         overlap: How far beyond a cell of each hull its list holds, too [m], shape [h].
     """
@@ -51,29 +57,46 @@ class PackedHulls(NamedTuple):
     grid: SingleArray
     cells: IntArray
     first_cell: IntArray
-    start: IntArray
+    near: NDArray[np.uint16]
     around: np.float32
     overlap: SingleArray
 
 
-def _in_fours(
-    planes: FloatArray, lists: IntArray, start: IntArray
-) -> tuple[SingleArray, IntArray]:
-    """Lists of planes, each padded to whole fours; and where each of the lists starts.
+def _groups(planes: FloatArray) -> IntArray:
+    """The four that each plane goes to, with those that look in similar directions, shape [f]."""
+    left = np.arange(len(planes))
+    group = np.zeros(len(planes), np.int32)
+    ahead = planes[0, :3]
+    for number in range(-(-len(planes) // 4)):
+        normals = planes[left, :3]
+        start = normals[np.argmax(normals @ ahead)]
+        near = np.argsort(-(normals @ start), kind="stable")
+        group[left[near[:4]]] = number
+        ahead = normals[near[:4]].mean(axis=0)
+        left = np.delete(left, near[:4])
+    return group
 
-    An empty list becomes four planes that everything is far above.
-    """
-    length = np.diff(start)
-    fours = np.maximum(-(-length // 4), 1)
-    first = np.concatenate([[0], np.cumsum(fours)])
-    row = np.repeat(np.arange(len(length)), 4 * fours)
-    slot = np.arange(len(row)) - 4 * first[row]
-    which = np.append(lists, 0)[np.minimum(start[row] + slot, len(lists))]
-    which[slot >= length[row]] = len(planes)
-    which[length[row] == 0] = len(planes) + 1
-    planes = np.vstack([planes, [0.0, 0.0, 0.0, _FAR, 0.0], [0.0, 0.0, 0.0, -_FAR, 0.0]])
-    packed = planes[which].reshape(-1, 4, 5).transpose(0, 2, 1)
-    return np.ascontiguousarray(packed, np.float32).ravel(), first.astype(np.int32)
+
+def _in_fours(planes: FloatArray, group: IntArray) -> SingleArray:
+    """Planes with their groups together, the last one padded, flat."""
+    order = np.argsort(group, kind="stable")
+    missing = -len(planes) % 4
+    full = np.vstack([planes[order], np.tile([0.0, 0.0, 0.0, _FAR, 0.0], (missing, 1))])
+    return np.ascontiguousarray(full.reshape(-1, 4, 5).transpose(0, 2, 1), np.float32).ravel()
+
+
+def _listed(grid: FaceGrid, group: IntArray) -> NDArray[np.uint16]:
+    """The numbers of each cell: the groups of its planes, and how many these are."""
+    cells, groups = len(grid.start) - 1, int(group.max()) + 1
+    cell = np.repeat(np.arange(cells), np.diff(grid.start))
+    row, which = np.divmod(np.unique(cell * groups + group[grid.face]), groups)
+    count = np.bincount(row, minlength=cells)
+    slot = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    near = np.zeros((cells, LISTED), np.uint16)
+    fits = count[row] < LISTED
+    near[row[fits], slot[fits]] = which[fits]
+    near[:, -1] = np.where(count < LISTED, count, WHOLE)
+    return near.ravel()
 
 
 def hull_planes(vertices: object, faces: object) -> FloatArray:
@@ -173,24 +196,21 @@ def pack_hulls(
         _with_exposed(own, under, low - around, high + around, float(around))
         for own, under, low, high in zip(planes, hidden, box[:, :3], box[:, 3:])
     ]
-    planes = [np.column_stack([own, _FAR * under]) for own, under in zip(planes, hidden)]
-    lists = [_in_fours(own, g.face, g.start) for own, g in zip(planes, grids)]
-    whole = [
-        _in_fours(p, np.arange(len(p), dtype=np.int32), np.array([0, len(p)], np.int32))
-        for p in planes
+    groups = [_groups(own) for own in planes]
+    packed = [
+        _in_fours(np.column_stack([own, _FAR * under]), group)
+        for own, under, group in zip(planes, hidden, groups)
     ]
-    packed = [p for p, _ in (*lists, *whole)]
-    at = np.cumsum([0, *(len(p) // 20 for p in packed)])
-    first_cell = np.cumsum([0, *(len(g.start) for g in grids)])
-    none: list[NDArray[np.int32]] = [np.zeros(0, np.int32)]
+    lists = [_listed(grid, group) for grid, group in zip(grids, groups)]
+    whole = np.full(LISTED, WHOLE, np.uint16)
     return PackedHulls(
         plane=np.concatenate([np.zeros(0, np.float32), *packed]),
-        first=at[len(hulls) :].astype(np.int32),
+        first=np.cumsum([0, *(len(p) // 20 for p in packed)]).astype(np.int32),
         box=box.astype(np.float32),
         grid=np.array([[*g.low, *(1.0 / g.cell)] for g in grids], np.float32).reshape(-1, 6),
         cells=np.array([g.count for g in grids], np.int32).reshape(-1, 3),
-        first_cell=first_cell[:-1].astype(np.int32),
-        start=np.concatenate(none + [s + k for (_, s), k in zip(lists, at)]).astype(np.int32),
+        first_cell=np.cumsum([0, *(len(n) // LISTED for n in lists)])[:-1].astype(np.int32),
+        near=np.concatenate([*lists, whole]),
         around=around,
         overlap=np.array([_OVERLAP * g.cell.min() for g in grids], np.float32),
     )

@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from garment_sim_ros.arrays import IntArray, SingleArray
+from garment_sim_ros.geometry.boxes import boxes_near, column_of
+from garment_sim_ros.geometry.vectors import cross, dot, less, row
 from garment_sim_ros.jit import lean_kernel
 from garment_sim_ros.sim.self_collision.gaps import crosses
 from garment_sim_ros.sim.self_collision.patches import Mesh
@@ -15,31 +17,40 @@ class Boxes(NamedTuple):
     """Scratch arrays: boxes as low and high corners [m].
 
     Attributes:
-        triangles: Of the triangles, shape [t, 6].
         patches: Of the patches, shape [p, 6].
         whole: Of each garment, shape [2, 6].
         near: Patches of each garment that are in the box of the other one, shape [2, p].
+        columns: Of those of the second garment, as `geometry.boxes` has them, flat.
+        triangles: Of the triangles of each of those, likewise, shape [p, any].
+        found: Patches of these that are near one of the first garment, shape [p + 1].
+        meets: Triangles of a patch that are near a triangle, shape [any].
         corner: The particles of all patches, one patch after the other, shape [any].
         first_corner: The first of each patch, and the end, shape [p + 1].
     """
 
-    triangles: SingleArray
     patches: SingleArray
     whole: SingleArray
     near: IntArray
+    columns: SingleArray
+    triangles: SingleArray
+    found: IntArray
+    meets: IntArray
     corner: IntArray
     first_corner: IntArray
 
     @classmethod
     def room_for(cls, mesh: Mesh) -> "Boxes":
         """For the triangles and patches of a mesh."""
-        t, p = len(mesh.triangles), len(mesh.first) - 1
+        p, largest = len(mesh.first) - 1, int(np.diff(mesh.first).max())
         corners = [np.unique(mesh.triangles[a:b]) for a, b in pairwise(mesh.first)]
         return cls(
-            np.zeros((t, 6), np.float32),
             np.zeros((p, 6), np.float32),
             np.zeros((2, 6), np.float32),
             np.zeros((2, p), np.int32),
+            np.zeros(6 * column_of(p), np.float32),
+            np.zeros((p, 6 * column_of(largest)), np.float32),
+            np.zeros(p + 1, np.int32),
+            np.zeros(largest + 1, np.int32),
             np.concatenate(corners).astype(np.int32),
             np.cumsum([0, *map(len, corners)], dtype=np.int32),
         )
@@ -58,27 +69,60 @@ def _box_of_patch(x, scratch, p):
 
 
 @lean_kernel(inner=True)
-def _boxes_in_patch(x, mesh, scratch, p):
-    """The boxes of a patch's triangles."""
-    boxes = scratch.triangles
-    for t in range(mesh.first[p], mesh.first[p + 1]):
-        i, j, k = mesh.triangles[t, 0], mesh.triangles[t, 1], mesh.triangles[t, 2]
-        for d in range(3):
-            boxes[t, d] = min(min(x[i, d], x[j, d]), x[k, d])
-            boxes[t, 3 + d] = max(max(x[i, d], x[j, d]), x[k, d])
+def _of_triangle(x, triangles, t):
+    """The box of a triangle, six numbers."""
+    i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+    return (
+        min(min(x[i, 0], x[j, 0]), x[k, 0]),
+        min(min(x[i, 1], x[j, 1]), x[k, 1]),
+        min(min(x[i, 2], x[j, 2]), x[k, 2]),
+        max(max(x[i, 0], x[j, 0]), x[k, 0]),
+        max(max(x[i, 1], x[j, 1]), x[k, 1]),
+        max(max(x[i, 2], x[j, 2]), x[k, 2]),
+    )
 
 
 @lean_kernel(inner=True)
-def _apart(boxes, a, others, b):
-    """Whether two boxes do not overlap; what is not finite overlaps nothing."""
+def _columns_in_patch(x, mesh, p, columns):
+    """The boxes of a patch's triangles in columns."""
+    columns[:] = np.float32(np.inf)
+    width = columns.size // 6
+    for t in range(mesh.first[p], mesh.first[p + 1]):
+        box = _of_triangle(x, mesh.triangles, t)
+        for d in range(6):
+            columns[d * width + t - mesh.first[p]] = box[d]
+
+
+@lean_kernel(inner=True)
+def _of_patch(boxes, p):
+    """The box of a patch, six numbers."""
+    return boxes[p, 0], boxes[p, 1], boxes[p, 2], boxes[p, 3], boxes[p, 4], boxes[p, 5]
+
+
+@lean_kernel(inner=True)
+def _beside(box, boxes, b):
+    """Whether a box, six numbers, does not touch box b; what is not finite touches nothing."""
     return not (
-        boxes[a, 0] <= others[b, 3]
-        and others[b, 0] <= boxes[a, 3]
-        and boxes[a, 1] <= others[b, 4]
-        and others[b, 1] <= boxes[a, 4]
-        and boxes[a, 2] <= others[b, 5]
-        and others[b, 2] <= boxes[a, 5]
+        box[0] <= boxes[b, 3]
+        and boxes[b, 0] <= box[3]
+        and box[1] <= boxes[b, 4]
+        and boxes[b, 1] <= box[4]
+        and box[2] <= boxes[b, 5]
+        and boxes[b, 2] <= box[5]
     )
+
+
+@lean_kernel(inner=True)
+def _on_one_side(x, mesh, t, u):
+    """Whether triangle t is on one side of the plane of triangle u, or somewhere not finite."""
+    i, j, k = mesh.triangles[u, 0], mesh.triangles[u, 1], mesh.triangles[u, 2]
+    at = row(x, i)
+    normal = cross(less(row(x, j), at), less(row(x, k), at))
+    a = dot(normal, less(row(x, mesh.triangles[t, 0]), at))
+    b = dot(normal, less(row(x, mesh.triangles[t, 1]), at))
+    c = dot(normal, less(row(x, mesh.triangles[t, 2]), at))
+    zero = np.float32(0.0)
+    return not (min(min(a, b), c) < zero and max(max(a, b), c) > zero)
 
 
 @lean_kernel(inner=True)
@@ -105,10 +149,18 @@ def _in_reach(patch_boxes, first, last, whole, w, near):
     """Patches in a row whose boxes overlap box w of `whole`, into `near`; their number."""
     count = 0
     for p in range(first, last):
-        if not _apart(patch_boxes, p, whole, w):
+        if not _beside(_of_patch(patch_boxes, p), whole, w):
             near[count] = p
             count += 1
     return count
+
+
+@lean_kernel(inner=True)
+def _near_box(columns, box, found):
+    """Boxes that touch a box, into `found`; their number."""
+    return boxes_near(
+        *(columns, box[0], box[1], box[2], box[3], box[4], box[5], np.float32(0.0), found)
+    )
 
 
 @lean_kernel(inner=True)
@@ -138,13 +190,7 @@ def find_crossings(x, mesh, split, scratch, crossings):
     Returns:
         How many there are; more than there is room for where some were left out.
     """
-    first = mesh.first
-    patch_boxes, boxes, whole, near = (
-        scratch.patches,
-        scratch.triangles,
-        scratch.whole,
-        scratch.near,
-    )
+    first, patch_boxes, whole, near = mesh.first, scratch.patches, scratch.whole, scratch.near
     patches = first.size - 1
     for p in range(patches):
         _box_of_patch(x, scratch, p)
@@ -153,22 +199,30 @@ def find_crossings(x, mesh, split, scratch, crossings):
     ones = _in_reach(patch_boxes, 0, split, whole, 1, near[0])
     others = _in_reach(patch_boxes, split, patches, whole, 0, near[1])
     for n in range(others):
-        _boxes_in_patch(x, mesh, scratch, near[1, n])
+        _columns_in_patch(x, mesh, near[1, n], scratch.triangles[n])
+    width = (others + 3) // 4 * 4
+    columns = scratch.columns[: 6 * width]
+    columns[:] = np.float32(np.inf)
+    for d in range(6):
+        for n in range(others):
+            columns[d * width + n] = patch_boxes[near[1, n], d]
     count = 0
     for m in range(ones):
         p = near[0, m]
-        _boxes_in_patch(x, mesh, scratch, p)
-        for n in range(others):
-            q = near[1, n]
-            if _apart(patch_boxes, p, patch_boxes, q):
-                continue
-            for t in range(first[p], first[p + 1]):
-                if _apart(boxes, t, patch_boxes, q):
+        close = _near_box(columns, _of_patch(patch_boxes, p), scratch.found)
+        for t in range(first[p], first[p + 1] if close > 0 else first[p]):
+            box = _of_triangle(x, mesh.triangles, t)
+            for c in range(close):
+                n = scratch.found[c]
+                if _beside(box, patch_boxes, near[1, n]):
                     continue
-                for u in range(first[q], first[q + 1]):
-                    if not _apart(boxes, t, boxes, u):
-                        count = _add_edges(x, mesh, t, u, crossings, count)
-                        count = _add_edges(x, mesh, u, t, crossings, count)
+                meets = _near_box(scratch.triangles[n], box, scratch.meets)
+                for k in range(meets):
+                    u = first[near[1, n]] + scratch.meets[k]
+                    if _on_one_side(x, mesh, t, u) or _on_one_side(x, mesh, u, t):
+                        continue
+                    count = _add_edges(x, mesh, t, u, crossings, count)
+                    count = _add_edges(x, mesh, u, t, crossings, count)
     return count
 
 
