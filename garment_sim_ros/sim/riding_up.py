@@ -31,27 +31,31 @@ class Hem(NamedTuple):
 
 
 @exact_kernel()
-def sums_over_hem(x, vertex, held, skin, down):
-    """Sums over a hem: its distance from what holds it as skin and now, and how far below [m].
+def sums_over_hems(x, vertex, held, first, skin, down, sums):
+    """How far hems are from what holds them.
 
     Args:
         x: World positions of the garment's vertices [m], shape [v, 3].
-        vertex: See `Hem`.
-        held: See `Hem`.
-        skin: Where these, and then those, would be as skin [m], shape [2, n, 3].
+        vertex: Those of all hems, one after the other, shape [n].
+        held: The one that holds the garment for each of them, shape [n].
+        first: Where each hem starts, one more at the end, shape [h + 1].
+        skin: Where `vertex`, and then `held`, would be as skin [m], shape [2, n, 3].
         down: The direction of gravity, shape [3].
+        sums: Output, for each hem the sums of its vertices' distances as skin and as they are, and
+            of how far below they would hang [m], shape [h, 3].
     """
-    length = now = below = 0.0
-    for n in range(vertex.size):
-        as_skin = as_cloth = 0.0
-        for k in range(3):
-            way = skin[0, n, k] - skin[1, n, k]
-            as_skin += way * way
-            as_cloth += (x[vertex[n], k] - x[held[n], k]) ** 2
-            below += way * down[k]
-        length += np.sqrt(as_skin)
-        now += np.sqrt(as_cloth)
-    return length, now, below
+    for hem in range(first.size - 1):
+        length = now = below = 0.0
+        for n in range(first[hem], first[hem + 1]):
+            as_skin = as_cloth = 0.0
+            for k in range(3):
+                way = skin[0, n, k] - skin[1, n, k]
+                as_skin += way * way
+                as_cloth += (x[vertex[n], k] - x[held[n], k]) ** 2
+                below += way * down[k]
+            length += np.sqrt(as_skin)
+            now += np.sqrt(as_cloth)
+        sums[hem, 0], sums[hem, 1], sums[hem, 2] = length, now, below
 
 
 class RidingUp:
@@ -79,6 +83,11 @@ class RidingUp:
             away, nearest = cKDTree(garment.vertices[held]).query(garment.vertices[loop])
             if away.mean() > _SHORTEST:
                 self.hems.append(Hem(np.asarray(loop, np.int32), held[nearest]))
+        none = np.zeros(0, np.int32)
+        self._vertex = np.concatenate([none, *(hem.vertex for hem in self.hems)])
+        self._held = np.concatenate([none, *(hem.held for hem in self.hems)])
+        self._first = np.cumsum([0, *(len(hem.vertex) for hem in self.hems)], dtype=np.int32)
+        self._sums = np.zeros((len(self.hems), 3))
 
     def rode_up(self, x: SingleArray, T_world_frame: FloatArray, gravity: FloatArray) -> bool:
         """Whether a hem is where a person would pull it down again.
@@ -91,9 +100,10 @@ class RidingUp:
         strength = float(np.linalg.norm(gravity))
         if strength == 0.0:
             return False
-        for hem in self.hems:
-            skin = blend(self._garment, T_world_frame, np.concatenate(hem)).reshape(2, -1, 3)
-            length, now, below = sums_over_hem(x, hem.vertex, hem.held, skin, gravity / strength)
-            if below > _BELOW * length and now < _RODE_UP * length:
-                return True
-        return False
+        skin = blend(self._garment, T_world_frame, np.concatenate([self._vertex, self._held]))
+        sums_over_hems(
+            *(x, self._vertex, self._held, self._first),
+            *(skin.reshape(2, -1, 3), gravity / strength, self._sums),
+        )
+        length, now, below = self._sums.T
+        return bool(((below > _BELOW * length) & (now < _RODE_UP * length)).any())

@@ -110,9 +110,9 @@ def limit_strain(
     normal: FloatArray,
     stays: NDArray[np.bool_],
     limit: float,
-    grown: float,
+    grown: NDArray[np.float64],
 ) -> FloatArray:
-    """Positions [n, 3] after passes over edges that are too long, and have grown by a share.
+    """Positions [n, 3] after passes over edges that are too long, and have grown by a share, [e].
 
     Particles touch a surface with the given outward normals, NaN where they touch none, [n, 3].
     Those that stay, [n], and all edges at them are left alone.
@@ -122,7 +122,7 @@ def limit_strain(
         for e, (i, j) in enumerate(edges):
             apart = x[i] - x[j]
             before = float(np.linalg.norm(np.float64(x_before[i]) - x_before[j]))
-            longest = max((1.0 + limit) * rest_length[e], (1.0 + grown) * before)
+            longest = max((1.0 + limit) * rest_length[e], (1.0 + grown[e]) * before)
             over = float(np.linalg.norm(apart)) - longest
             total = inverse_mass[i] + inverse_mass[j]
             if over <= 0.0 or stays[i] or stays[j]:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from garment_sim_ros.geometry.transforms import transform_from
 from garment_sim_ros.sim.openings import Rims, find_beyond
 from garment_sim_ros.sim.placement import blend
-from garment_sim_ros.sim.riding_up import sums_over_hem
+from garment_sim_ros.sim.riding_up import sums_over_hems
 
 SEEDS = st.integers(0, 10**6)
 
@@ -45,18 +45,24 @@ def test_blended_places(seed):
 
 @given(SEEDS)
 @settings(derandomize=True, deadline=None, max_examples=20)
-def test_sums_over_a_hem(seed):
+def test_sums_over_hems(seed):
+    """Of several, one of them empty."""
     rng = np.random.default_rng(seed)
     x = rng.normal(size=(40, 3)).astype(np.float32)
     vertex, held = rng.integers(0, 40, (2, 9)).astype(np.int32)
-    skin, down = rng.normal(size=(2, 9, 3)), rng.normal(size=3)
+    skin, down, sums = rng.normal(size=(2, 9, 3)), rng.normal(size=3), np.zeros((3, 3))
+    first = np.array([0, 4, 4, 9], np.int32)
+    sums_over_hems(x, vertex, held, first, skin, down, sums)
     wide, way = x.astype(np.float64), skin[0] - skin[1]
-    expected = (
-        np.linalg.norm(way, axis=1).sum(),
-        np.linalg.norm(wide[vertex] - wide[held], axis=1).sum(),
-        (way @ down).sum(),
+    each = np.column_stack(
+        [
+            np.linalg.norm(way, axis=1),
+            np.linalg.norm(wide[vertex] - wide[held], axis=1),
+            way @ down,
+        ]
     )
-    np.testing.assert_allclose(sums_over_hem(x, vertex, held, skin, down), expected, atol=1e-5)
+    expected = [each[:4].sum(axis=0), np.zeros(3), each[4:].sum(axis=0)]
+    np.testing.assert_allclose(sums, expected, atol=1e-5)
 
 
 def _crosses(edge, corners):

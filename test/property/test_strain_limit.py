@@ -1,6 +1,7 @@
 """The limit of strain: against its twin, along surfaces, and where a ball stretches cloth."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive import naive_xpbd
@@ -10,10 +11,11 @@ from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.sim.solvers.xpbd.edges import prepare_edges
 from garment_sim_ros.sim.solvers.xpbd.given import Particles, Planes
 from garment_sim_ros.sim.solvers.xpbd.prepared import Edges
-from garment_sim_ros.sim.solvers.xpbd.strain_limit import _CREEP, limit_strain
+from garment_sim_ros.sim.solvers.xpbd.strain_limit import _CREEP, _EASES, limit_strain
 
 LIMIT = 0.5
 TIME = 1 / 180
+SLOW = 3e-5
 
 
 def particles_at(x, x_before, moved):
@@ -33,7 +35,7 @@ def ready_edges(rng, edges, rest, weight):
 
 
 @given(st.integers(0, 10**6), st.floats(0.001, 0.05))
-@settings(derandomize=True, deadline=None, max_examples=30)
+@settings(derandomize=True, deadline=None, max_examples=40)
 def test_limit(cloth, seed, scale):
     """As the twin; nothing goes into a surface that it touches, and what stays stays.
 
@@ -52,7 +54,14 @@ def test_limit(cloth, seed, scale):
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     shape = rng.choice([-1, 0], free).astype(np.int32)
     empty = np.zeros((free, 3), np.float32)
-    planes = Planes(shape, normal.astype(np.float32), empty[:, 0], empty, empty)
+    depth = rng.choice([0.001, np.inf], free, p=[0.8, 0.2]).astype(np.float32)
+    shift = rng.choice([0.0, 0.5 * SLOW, 2.0 * SLOW], (free, 1)).astype(np.float32) * normal
+    planes = Planes(shape, normal.astype(np.float32), depth, empty, shift.astype(np.float32))
+    touches = np.append(shape >= 0, [False] * 3)
+    pressed = touches & np.append(depth == np.inf, [False] * 3)
+    moves = touches & np.append(np.linalg.norm(shift, axis=1) > SLOW, [False] * 3)
+    held = touches[edges].all(axis=1) | pressed[edges].any(axis=1)
+    eased = held & moves[edges].any(axis=1)
     outward = np.zeros((len(rest), 3))
     outward[:free][shape >= 0] = normal[shape >= 0]
     x_before = (rest + rng.normal(0.0, scale, rest.shape)).astype(np.float32)
@@ -60,11 +69,13 @@ def test_limit(cloth, seed, scale):
     stays = np.append(kept >= 0, [True] * 3)
     own = particles_at(x, x_before, rng.normal(0.0, 1e-3, x.shape).astype(np.float32))
     by_contact = x - own.x_predicted
+    grown = np.where(eased, -_EASES, _CREEP) * TIME
     expected = naive_xpbd.limit_strain(
-        x, x_before, edges, length, weight, outward, stays, LIMIT, _CREEP * TIME
+        x, x_before, edges, length, weight, outward, stays, LIMIT, grown
     )
     before = x.copy()
-    limit_strain(own, ready, planes, kept, np.float32(LIMIT), np.float32(TIME))
+    limits = np.float32(LIMIT), np.float32(TIME), np.float32(SLOW)
+    limit_strain(own, ready, planes, kept, *limits)
     np.testing.assert_allclose(x, expected, atol=2e-5)
     np.testing.assert_allclose(x - own.x_predicted, by_contact, atol=1e-6)
     assert (x[stays] == before[stays]).all()
@@ -84,8 +95,46 @@ def test_short_edges_are_left_alone(cloth):
     before = x.copy()
     own = particles_at(x, before, np.zeros_like(x))
     kept = np.full(len(rest), -1, np.int32)
-    limit_strain(own, ready, planes, kept, np.float32(LIMIT), np.float32(TIME))
+    limits = np.float32(LIMIT), np.float32(TIME), np.float32(SLOW)
+    limit_strain(own, ready, planes, kept, *limits)
     assert (x == before).all()
+
+
+@pytest.mark.parametrize(
+    "touching", ["all", "all, at rest", "one of two, pressed", "one of two", "none"]
+)
+def test_edges_that_shapes_hold_are_eased(touching):
+    """A line of edges that was pulled to three times its length.
+
+    Where shapes hold it, friction would keep it so for good. In the air, and where shapes rest,
+    nothing is done: what pulls there would pull it back again and again.
+    """
+    rest = np.outer(np.arange(9), [0.02, 0.0, 0.0])
+    edges = np.stack([np.arange(8), np.arange(1, 9)], axis=1)
+    weight = np.ones(9, np.float32)
+    ready, length = ready_edges(np.random.default_rng(0), edges, rest, weight)
+    x = (3.0 * rest).astype(np.float32)
+    shape, depth = np.full(9, -1, np.int32), np.zeros(9, np.float32)
+    if touching.startswith("all"):
+        shape[:] = 0
+    elif touching != "none":
+        shape[::2] = 0
+    if touching == "one of two, pressed":
+        depth[::2] = np.inf
+    none = np.zeros((9, 3), np.float32)
+    kept = np.full(9, -1, np.int32)
+    shift = np.full((9, 3), 0.0 if "rest" in touching else SLOW, np.float32)
+    planes = Planes(shape, none + np.float32([0, 0, 1]), depth, none, shift)
+    for _ in range(180):
+        own = particles_at(x, x.copy(), np.zeros_like(x))
+        limits = np.float32(LIMIT), np.float32(TIME), np.float32(SLOW)
+        limit_strain(own, ready, planes, kept, *limits)
+    strain = np.linalg.norm(np.diff(x, axis=0), axis=1) / length - 1.0
+    if touching in ("none", "one of two", "all, at rest"):
+        np.testing.assert_allclose(strain, 2.0, atol=1e-4)
+    else:
+        np.testing.assert_allclose(strain, LIMIT, atol=0.02)
+    np.testing.assert_allclose(x.mean(axis=0), 3.0 * rest.mean(axis=0), atol=1e-4)
 
 
 def longest_edge(**settings):

@@ -4,9 +4,12 @@ A limb that takes cloth along, or presses it against another one, stretches sing
 times their length. After contact, in each search, edges that are longer than the limit, and have
 grown since the search before, are drawn back to the larger of the two, along surfaces that their
 ends touch and never into them (after Provot 1995, "Deformation constraints in a mass-spring
-model"). Drawn back to the limit itself, cloth that is held longer would never rest. The guard
-outranks it: it comes after, and what it keeps is left alone, as are edges at pins. Velocities stay
-as they are: pinched cloth, which contact and this move to and fro, would be pumped.
+model"). Drawn back to the limit itself, cloth that is held longer would never rest. What shapes
+hold, by friction at both ends or by pressing one of them, would stay as long as it once was: it is
+eased down to the limit, a little in each search, where the shapes move. Where they rest, what
+pulls there would pull it back again and again. The guard outranks all this: it comes after, and
+what it keeps is left alone, as are edges at pins. Velocities stay as they are: pinched cloth,
+which contact and this move to and fro, would be pumped.
 """
 
 import numpy as np
@@ -20,6 +23,10 @@ _PASSES = 10
 _CREEP = 2.0
 """Edges that grow more slowly than this are left [1/s]: what contact moves against the limit would
 never rest."""
+_EASES = 2.0
+"""How fast edges that are too long get shorter where shapes hold them and move [1/s]."""
+SHAPES_MOVE = np.float32(0.005)
+"""What is slower does not [m/s]."""
 
 
 @lean_kernel(inner=True)
@@ -50,8 +57,29 @@ def _span(x, particles, n):
 
 
 @lean_kernel(inner=True)
-def _draw_together(own, edges, planes, kept, e, most, grown):
+def _carried(planes, p):
+    """The square of how far the shape that particle p touches moves there [m^2], -1 for none."""
+    if p >= planes.shape.size or planes.shape[p] < 0:
+        return np.float32(-1.0)
+    way = row(planes.shift, p)
+    return dot(way, way)
+
+
+@lean_kernel(inner=True)
+def _is_eased(planes, i, j, slow):
+    """Whether shapes hold an edge and one of them moves: both ends touch, or two press one."""
+    a, b = _carried(planes, i), _carried(planes, j)
+    pressed, none = np.float32(np.inf), np.float32(0.0)
+    held = a >= none and (b >= none or planes.depth[i] == pressed)
+    held = held or (b >= none and planes.depth[j] == pressed)
+    return held and max(a, b) > slow * slow
+
+
+@lean_kernel(inner=True)
+def _draw_together(own, edges, planes, kept, e, most, grown, eased, slow):
     """Draws the ends of edge e together if it is longer than `most`, squared, and has grown.
+
+    One that is eased is drawn to a part of what it was in any case.
 
     Returns:
         Whether it was.
@@ -66,7 +94,8 @@ def _draw_together(own, edges, planes, kept, e, most, grown):
         return False
     both = numbers[1, e] + numbers[2, e]
     before = less(row(own.x_search, i), row(own.x_search, j))
-    longest = max(most * numbers[0, e], grown * grown * dot(before, before))
+    part = eased if _is_eased(planes, i, j, slow) else grown
+    longest = max(most * numbers[0, e], part * part * dot(before, before))
     if not (both > np.float32(0.0) and squared > longest):
         return False
     share = (np.float32(1.0) - np.sqrt(longest / squared)) / both
@@ -77,7 +106,7 @@ def _draw_together(own, edges, planes, kept, e, most, grown):
 
 
 @kernel(forceinline=True)
-def limit_strain(own, edges, planes, kept, limit, time):
+def limit_strain(own, edges, planes, kept, limit, time, slow):
     """Draws the ends of edges together that are too long and have grown.
 
     Args:
@@ -88,9 +117,11 @@ def limit_strain(own, edges, planes, kept, limit, time):
         kept: What the guard keeps, see `Guard`: not moved, shape [n].
         limit: Strain that edges do not grow beyond.
         time: Since the last search [s].
+        slow: What shapes move in a sub-step at least where edges are eased [m].
     """
     most = (np.float32(1.0) + limit) * (np.float32(1.0) + limit)
     grown = np.float32(1.0) + np.float32(_CREEP) * time
+    eased = np.float32(1.0) - np.float32(_EASES) * time
     x, particles, rest = own.x.reshape(-1), edges.particles, edges.numbers[0]
     for _ in range(_PASSES):
         found = False
@@ -102,7 +133,7 @@ def limit_strain(own, edges, planes, kept, limit, time):
                 if not any_above(squares(a, b, c, d), longest):
                     continue
             for k in range(e, min(e + 4, rest.size)):
-                drawn = _draw_together(own, edges, planes, kept, k, most, grown)
+                drawn = _draw_together(own, edges, planes, kept, k, most, grown, eased, slow)
                 found = found or drawn
         if not found:
             break

@@ -25,7 +25,7 @@ from garment_sim_ros.sim.solvers.xpbd.planes import (
     stop_at_contacts,
     touch_planes,
 )
-from garment_sim_ros.sim.solvers.xpbd.strain_limit import limit_strain
+from garment_sim_ros.sim.solvers.xpbd.strain_limit import SHAPES_MOVE, limit_strain
 from garment_sim_ros.sim.solvers.xpbd.triangles import solve_triangles, solve_triangles_apart
 
 _FAST, _KNOWN = range(2)
@@ -248,7 +248,15 @@ def meet(own, bodies, ready, planes, rule, has_planes):
     )
     if rule.strain_limit > 0.0:
         time = dt * np.float32(rule.search_every) if has_planes else dt
-        limit_strain(own, ready.edges, planes, bodies.guard.kept, rule.strain_limit, time)
+        limit_strain(
+            own,
+            ready.edges,
+            planes,
+            bodies.guard.kept,
+            rule.strain_limit,
+            time,
+            SHAPES_MOVE * dt,
+        )
     return count
 
 
