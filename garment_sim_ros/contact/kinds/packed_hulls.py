@@ -21,7 +21,7 @@ _AROUND = 0.025
 Beyond, all planes are asked."""
 _FAR = 1e30
 LISTED = 8
-"""Numbers of a cell: 16 bytes, read at once. Two in a hundred cells have more than 7 fours."""
+"""Numbers of a cell: 16 bytes, read at once. One in a hundred cells has more than 7 fours."""
 WHOLE = 65535
 """Instead of a count: all of the hull's fours."""
 _OVERLAP = 0.1
@@ -63,17 +63,22 @@ class PackedHulls(NamedTuple):
 
 
 def _groups(planes: FloatArray) -> IntArray:
-    """The four that each plane goes to, with those that look in similar directions, shape [f]."""
-    left = np.arange(len(planes))
+    """The four that each plane goes to, with those that look in similar directions, shape [f].
+
+    Directions are halved across where they are widest, until four are left; the last has the rest.
+    """
     group = np.zeros(len(planes), np.int32)
-    ahead = planes[0, :3]
-    for number in range(-(-len(planes) // 4)):
-        normals = planes[left, :3]
-        start = normals[np.argmax(normals @ ahead)]
-        near = np.argsort(-(normals @ start), kind="stable")
-        group[left[near[:4]]] = number
-        ahead = normals[near[:4]].mean(axis=0)
-        left = np.delete(left, near[:4])
+    parts, number = [np.arange(len(planes))], 0
+    while parts:
+        part = parts.pop()
+        if len(part) <= 4:
+            group[part] = number
+            number += 1
+            continue
+        axis = int(np.argmax(np.ptp(planes[part, :3], axis=0)))
+        order = part[np.argsort(planes[part, axis], kind="stable")]
+        half = -(-len(part) // 8) * 4
+        parts += [order[half:], order[:half]]
     return group
 
 
@@ -93,9 +98,10 @@ def _listed(grid: FaceGrid, group: IntArray) -> NDArray[np.uint16]:
     count = np.bincount(row, minlength=cells)
     slot = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
     near = np.zeros((cells, LISTED), np.uint16)
-    fits = count[row] < LISTED
+    listed = (count < LISTED) & (groups <= WHOLE)
+    fits = listed[row]
     near[row[fits], slot[fits]] = which[fits]
-    near[:, -1] = np.where(count < LISTED, count, WHOLE)
+    near[:, -1] = np.where(listed, count, WHOLE)
     return near.ravel()
 
 
