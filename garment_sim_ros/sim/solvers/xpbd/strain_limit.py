@@ -57,18 +57,24 @@ def _span(x, particles, n):
 
 
 @lean_kernel(inner=True)
-def _carried(planes, p):
+def _carried(own, planes, carry, p):
     """The square of how far the shape that particle p touches moves there [m^2], -1 for none."""
     if p >= planes.shape.size or planes.shape[p] < 0:
         return np.float32(-1.0)
-    way = row(planes.shift, p)
-    return dot(way, way)
+    k, x = planes.shape[p], row(own.x_start, p)
+    total = np.float32(0.0)
+    for r in range(3):
+        way = (
+            carry[k, r, 0] * x[0] + carry[k, r, 1] * x[1] + carry[k, r, 2] * x[2] + carry[k, r, 3]
+        )
+        total += way * way
+    return total
 
 
 @lean_kernel(inner=True)
-def _is_eased(planes, i, j, slow):
+def _is_eased(own, planes, carry, i, j, slow):
     """Whether shapes hold an edge and one of them moves: both ends touch, or two press one."""
-    a, b = _carried(planes, i), _carried(planes, j)
+    a, b = _carried(own, planes, carry, i), _carried(own, planes, carry, j)
     pressed, none = np.float32(np.inf), np.float32(0.0)
     held = a >= none and (b >= none or planes.depth[i] == pressed)
     held = held or (b >= none and planes.depth[j] == pressed)
@@ -76,7 +82,7 @@ def _is_eased(planes, i, j, slow):
 
 
 @lean_kernel(inner=True)
-def _draw_together(own, edges, planes, kept, e, most, grown, eased, slow):
+def _draw_together(own, edges, planes, carry, kept, e, most, grown, eased, slow):
     """Draws the ends of edge e together if it is longer than `most`, squared, and has grown.
 
     One that is eased is drawn to a part of what it was in any case.
@@ -94,7 +100,7 @@ def _draw_together(own, edges, planes, kept, e, most, grown, eased, slow):
         return False
     both = numbers[1, e] + numbers[2, e]
     before = less(row(own.x_search, i), row(own.x_search, j))
-    part = eased if _is_eased(planes, i, j, slow) else grown
+    part = eased if _is_eased(own, planes, carry, i, j, slow) else grown
     longest = max(most * numbers[0, e], part * part * dot(before, before))
     if not (both > np.float32(0.0) and squared > longest):
         return False
@@ -106,14 +112,15 @@ def _draw_together(own, edges, planes, kept, e, most, grown, eased, slow):
 
 
 @kernel(forceinline=True)
-def limit_strain(own, edges, planes, kept, limit, time, slow):
+def limit_strain(own, edges, planes, carry, kept, limit, time, slow):
     """Draws the ends of edges together that are too long and have grown.
 
     Args:
         own: `Particles`; `x` and `x_predicted`, from which contact has moved them to `x`, are
             changed alike: velocities stay.
         edges: `Edges`.
-        planes: `Planes`; of them shapes and normals that the search found.
+        planes: `Planes`; of them shapes, normals and depths that the search found.
+        carry: How points move with the shapes in the sub-step, see `PosedShapes`.
         kept: What the guard keeps, see `Guard`: not moved, shape [n].
         limit: Strain that edges do not grow beyond.
         time: Since the last search [s].
@@ -133,7 +140,9 @@ def limit_strain(own, edges, planes, kept, limit, time, slow):
                 if not any_above(squares(a, b, c, d), longest):
                     continue
             for k in range(e, min(e + 4, rest.size)):
-                drawn = _draw_together(own, edges, planes, kept, k, most, grown, eased, slow)
+                drawn = _draw_together(
+                    own, edges, planes, carry, kept, k, most, grown, eased, slow
+                )
                 found = found or drawn
         if not found:
             break

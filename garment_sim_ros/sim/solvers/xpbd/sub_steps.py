@@ -252,6 +252,7 @@ def meet(own, bodies, ready, planes, rule, has_planes):
             own,
             ready.edges,
             planes,
+            bodies.posed.carry,
             bodies.guard.kept,
             rule.strain_limit,
             time,
