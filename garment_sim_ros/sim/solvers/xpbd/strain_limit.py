@@ -14,6 +14,7 @@ which contact and this move to and fro, would be pumped.
 
 import numpy as np
 
+from garment_sim_ros.contact.friction import moved_with
 from garment_sim_ros.geometry.four import any_above, four_at, same_four, squares, three_at
 from garment_sim_ros.geometry.vectors import along, dot, less, row
 from garment_sim_ros.jit import kernel, lean_kernel
@@ -61,14 +62,8 @@ def _carried(own, planes, carry, p):
     """The square of how far the shape that particle p touches moves there [m^2], -1 for none."""
     if p >= planes.shape.size or planes.shape[p] < 0:
         return np.float32(-1.0)
-    k, x = planes.shape[p], row(own.x_start, p)
-    total = np.float32(0.0)
-    for r in range(3):
-        way = (
-            carry[k, r, 0] * x[0] + carry[k, r, 1] * x[1] + carry[k, r, 2] * x[2] + carry[k, r, 3]
-        )
-        total += way * way
-    return total
+    way = moved_with(carry, planes.shape[p], row(own.x_start, p))
+    return dot(way, way)
 
 
 @lean_kernel(inner=True)
@@ -128,7 +123,7 @@ def limit_strain(own, edges, planes, carry, kept, limit, time, slow):
     """
     most = (np.float32(1.0) + limit) * (np.float32(1.0) + limit)
     grown = np.float32(1.0) + np.float32(_CREEP) * time
-    eased = np.float32(1.0) - np.float32(_EASES) * time
+    eased = max(np.float32(1.0) - np.float32(_EASES) * time, np.float32(0.0))
     x, particles, rest = own.x.reshape(-1), edges.particles, edges.numbers[0]
     for _ in range(_PASSES):
         found = False
