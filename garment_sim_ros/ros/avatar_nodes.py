@@ -5,6 +5,7 @@ from typing import Any
 
 from rclpy.context import Context
 
+from garment_sim_ros.params import ClothNodeParameters
 from garment_sim_ros.ros.cloth_node import ClothNode
 from garment_sim_ros.ros.collider_node import ColliderNode
 from garment_sim_ros.ros.handover import Handover
@@ -21,8 +22,9 @@ from garment_sim_ros.ros.topics import (
 )
 from garment_sim_ros.stamps import SECOND
 
-_HEAD_START = SECOND // 1000
-"""Time that the pose of a frame has before the cloth is due [ns]."""
+_HEAD_START = 0.6
+"""How long before the cloth is due its poses are, as a share of its period: in between it is
+simulated."""
 
 
 class AvatarNodes:
@@ -69,7 +71,8 @@ class AvatarNodes:
             if plays:
                 made.append(MocapPlayer(place("mocap_player")))
             made.append(ColliderNode(place("collider_node")))
-            self.cloth = ClothNode(place("cloth_node", _HEAD_START))
+            rate = parameters["cloth_node"].get("rate", ClothNodeParameters().rate)
+            self.cloth = ClothNode(place("cloth_node", round(_HEAD_START * SECOND / rate)))
         except BaseException:
             for node in made:
                 node.destroy_node()

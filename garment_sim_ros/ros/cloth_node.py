@@ -3,7 +3,6 @@
 import math
 import sys
 import time
-from collections import deque
 from dataclasses import replace
 from threading import Thread
 from typing import Any
@@ -15,16 +14,15 @@ from garment_sim_ros.body.missing_bones import missing_bones_of
 from garment_sim_ros.colliders.description import MAX_TEXT
 from garment_sim_ros.errors import MessageError, ParameterError
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, read_outfit
-from garment_sim_ros.lateness import LateFrames
 from garment_sim_ros.params import ClothNodeParameters, Environment
 from garment_sim_ros.presets import usual_colliders
+from garment_sim_ros.ros.cloth_frames import ClothFrames
 from garment_sim_ros.ros.cloth_stepper import POSE_COUNT, ClothStepper
 from garment_sim_ros.ros.compiler import Compiler, expected_scene
 from garment_sim_ros.ros.conversions import StampedPoses, poses_from, text_from
 from garment_sim_ros.ros.diagnostics import Condition
 from garment_sim_ros.ros.dresser import Dressed, Dresser
-from garment_sim_ros.ros.garment_publishers import GarmentPublishers, warm_up
-from garment_sim_ros.ros.garment_quality import GarmentQuality, quality
+from garment_sim_ros.ros.garment_publishers import warm_up
 from garment_sim_ros.ros.lifecycle import ManagedNode
 from garment_sim_ros.ros.pace import Pace, check_pace
 from garment_sim_ros.ros.place import ALONE, Place
@@ -33,19 +31,17 @@ from garment_sim_ros.ros.progress import reporting
 from garment_sim_ros.ros.rclpy_internals import PARTICIPANT, Taken
 from garment_sim_ros.ros.shared import shared
 from garment_sim_ros.ros.sources import OTHER_PUBLISHER, Source
-from garment_sim_ros.ros.topics import COLLIDER_DESCRIPTION, COLLIDER_POSES, QUALITY
+from garment_sim_ros.ros.topics import COLLIDER_DESCRIPTION, COLLIDER_POSES
 from garment_sim_ros.sim.account import account, in_words
 from garment_sim_ros.sim.health import totals
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.sim.world.wind_field import check_wind
-from garment_sim_ros.stamps import SECOND
 
 _FASTEST_INPUT = 1000.0
 """Poses may come this often without any being lost between two frames [Hz]."""
 _MOST_DESCRIBED = 4
 """Processes whose descriptions are kept, for the case that their poses are followed."""
-_KEPT_AGES = 10_000
 _WAIT = 0.1
 """Between two looks whether the node is to end [s]."""
 _MOST_EARLY_POSES = 10_000
@@ -56,8 +52,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
     """Simulates an outfit on colliders that others pose.
 
     Attributes:
-        frames: Frames published so far.
-        ages: Time from the stamps of the latest ones until they were published [ms].
+        shown: What it publishes.
     """
 
     def __init__(self, place: Place = ALONE) -> None:
@@ -73,13 +68,11 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             on_change=self._change_forces,
         )
         self._stepper: ClothStepper | None = None
-        self._topics: dict[str, GarmentPublishers] = {}
-        self._qualities: list[GarmentQuality] = []
         self._early: list[StampedPoses] = []
         self._still_dressing: Thread | None = None
         self._paused = self._forces_are_new = False
-        self.frames, self._late, self._step_ms = 0, LateFrames(), 0.0
-        self.ages: deque[float] = deque(maxlen=_KEPT_AGES)
+        self._moved_ahead, self._spent = False, 0.0
+        self.shown = ClothFrames(self)
         self.create_service(Trigger, "~/reset", self._reset)
         self.create_service(SetBool, "~/pause", self._pause)
 
@@ -121,7 +114,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         )
         self._compiler = compiler
         self._steps_on_poses = p.step_on == "poses"
-        self._quality = self.advertise(QUALITY)
+        self.shown.advertise()
         self._described: dict[bytes, str] = {}
         self._worn_from: bytes | None = None
         self._source = Source(p.stale_after)
@@ -136,8 +129,9 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
 
     def start(self) -> None:
         """Begin to publish as soon as there are poses."""
+        self._moved_ahead, self._spent = False, 0.0
         if not self._steps_on_poses:
-            self._ticker = self.tick_at(self.parameters.rate, self._tick)
+            self._ticker = self.tick_at(self.parameters.rate, self._tick, self._work_ahead)
 
     def stop(self) -> None:
         """Publish nothing; the cloth keeps its state."""
@@ -146,8 +140,8 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
 
     def release(self) -> None:
         """Take off the outfit."""
-        self._topics, self._qualities, self._early = {}, [], []
-        self._stepper = None
+        self.shown.release()
+        self._early, self._stepper = [], None
         if hasattr(self, "_dresser"):  # else configuring failed before
             self._still_dressing = self._dresser.retire()
             del self._dresser
@@ -216,10 +210,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             stale=stale,
             values={
                 "input_age_s": silent,
-                "frames": self.frames,
-                "late_frames": self._late.count,
-                **{"step_ms": self._step_ms, "age_ms": self.ages[-1] if self.ages else 0.0},
-                **self._watch.figures()._asdict(),
+                **self.shown.figures(),
                 **stepper.figures(),
                 **totals(health),
                 "outran_cloth": stepper.simulation.outran,
@@ -279,16 +270,9 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             raise MessageError(COLLIDER_DESCRIPTION.name, str(error)) from error
         self._stepper = ClothStepper.with_parameters(simulation, p)
         self._pace = Pace(self._stepper, p, self.preset, self.get_logger().info)
-        self._watch = dressed.watch
-        self._qualities = [
-            GarmentQuality(name, simulation, dressed.watch) for name in simulation.names
-        ]
         for line in (*in_words(account(simulation)), *dressed.notes):
             self.get_logger().info(line)
-        for number, garment in enumerate(dressed.garments):
-            if garment.name not in self._topics:
-                self._topics[garment.name] = GarmentPublishers(self, garment.name, p)
-            self._topics[garment.name].show(garment, number)
+        self.shown.show(dressed, p)
 
     def _take_poses(self, taken: Taken) -> None:
         message = poses_from(taken.data)
@@ -307,9 +291,8 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             self._step_to(message, new_sender=new_sender)
             return
         try:
-            self._stepper.add(
-                message.stamp, message.poses, self._ticker.steady(), new_sender=new_sender
-            )
+            arrival = self._ticker.steady() - (0 if self._ticker.is_simulated else taken.age())
+            self._stepper.add(message.stamp, message.poses, arrival, new_sender=new_sender)
         except MessageError as error:
             # Poses of colliders that the garments are being made for are no fault.
             if error.reason != POSE_COUNT or not self._dresser.busy:
@@ -332,49 +315,51 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         stepper = self._stepper
         if stepper is None or not stepper.has_poses:
             return
-        self._pace.begin(self._ticker, due)
+        self._pace.wait(self._ticker, due)
+        self._pace.begin()
         self._take_over_forces()
-        self._late.begin(due, self._ticker.period, ticks - 1 if self.frames else 0)
-        self._step_ms, moved = 0.0, False
+        self.shown.late.begin(due, self._ticker.period, ticks - 1 if self.shown.count else 0)
+        moved, self._moved_ahead = self._moved_ahead, False
         if not self._paused:
-            try:
-                is_over = self._ticker.stands_still()
-                until = stepper.newest if is_over else stepper.target(self._ticker.steady())
-                moved = self._advance(self._pace.look(until), in_time=True)
-            except MessageError as error:
-                self.rejections.add(COLLIDER_POSES.name, error)
+            is_over = self._ticker.stands_still()
+            until = stepper.newest if is_over else stepper.target(self._ticker.steady())
+            moved = self._advance_in_time(until) or moved
         if moved or self._poses.silent() <= self.parameters.stale_after:
             self._publish()
         self._pace.end(moved=moved)
+
+    def _work_ahead(self, due: int) -> None:
+        """Simulate what is due in the next frame, as far as the poses for it are there."""
+        self.take_inputs()
+        stepper, ticker = self._stepper, self._ticker
+        if stepper is None or self._paused:
+            return
+        until = stepper.ahead(ticker.steady() + due - ticker.now())
+        if until is None:
+            return
+        self._pace.begin()
+        self._take_over_forces()
+        self._moved_ahead = self._advance_in_time(until) or self._moved_ahead
+        self._pace.rest(ticker)
+
+    def _advance_in_time(self, until: int) -> bool:
+        try:
+            return self._advance(self._pace.look(until), in_time=True)
+        except MessageError as error:
+            self.rejections.add(COLLIDER_POSES.name, error)
+            return False
 
     def _advance(self, until: int, *, in_time: bool) -> bool:
         assert self._stepper is not None
         began = time.perf_counter()
         moved = self._stepper.advance(until, in_time=in_time)
-        self._step_ms = 1e3 * (time.perf_counter() - began)
+        self._spent += 1e3 * (time.perf_counter() - began)
         return moved
 
     def _publish(self) -> None:
-        stepper = self._stepper
-        if stepper is None or stepper.time is None or stepper.is_behind:
-            return
-        shown = {
-            name: self._topics[name].publish(stepper.simulation, stepper.time)
-            for name in stepper.simulation.names
-        }
-        now = self.get_clock().now().nanoseconds
-        self._late.published(now)
-        self.ages.append(1e-6 * (now - stepper.time))
-        self._watch.look(stepper.poses, shown)
-        self.frames += 1
-        if self._quality.get_subscription_count():
-            figures: dict[str, object] = {
-                **{"step_ms": self._step_ms, "late_frames": self._late.count},
-                **{"coarse_s": stepper.coarse / SECOND, "skipped_s": stepper.skipped / SECOND},
-                **self._pace.figures(),
-            }
-            of_all = [q.status(figures, resets=stepper.resets) for q in self._qualities]
-            self._quality.publish(quality(of_all, stepper.time))
+        self.shown.step_ms, self._spent = self._spent, 0.0
+        if self._stepper is not None:
+            self.shown.publish(self._stepper, self._pace.figures())
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self._stepper is not None and self._stepper.has_poses

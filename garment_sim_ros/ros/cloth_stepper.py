@@ -1,5 +1,6 @@
 """The cloth's clock: which time is simulated next, from poses that come when they come."""
 
+import math
 import time
 from collections import deque
 from statistics import median
@@ -89,7 +90,8 @@ class ClothStepper:
         self._frames_left: int | None = None
         self._least_due = self._in_vain = 0
         self.delay = delay
-        self._step = round(simulation.solver_step * SECOND)
+        # Rounded down, so that whole numbers of steps fit into a period of the input.
+        self._step = math.floor(simulation.solver_step * SECOND + 1e-2)
         self._most_steps = max(1, round(catch_up * SECOND) // self._step)
         self._most_lag = round(longest_lag * SECOND) // self._step
         self._is_late = False
@@ -240,8 +242,23 @@ class ClothStepper:
         """
         self._keeps_time = True
         self._attend()
+        return min(self._buffer.newest[0], self._wanted(now))
+
+    def ahead(self, then: int) -> int | None:
+        """The time to simulate up to ahead of a frame, `then` on the clock of arrivals [ns].
+
+        None where no poses for it are there yet, or more than steps is to be done.
+        """
+        begins_anew = self._starts_anew or self._carries or self.is_behind or self._is_late
+        if self.time is None or not self.has_poses or begins_anew:
+            return None
+        until = min(self._buffer.newest[0], self._wanted(then))
+        return until if 0 < self.due(until) <= self._most_steps else None
+
+    def _wanted(self, now: int) -> int:
+        """The time of stamps, less `delay`, when it is `now` on the clock of arrivals [ns]."""
         delay = self.period if self.delay < 0.0 else round(self.delay * SECOND)
-        return min(self._buffer.newest[0], int(now - self._latency) - delay)
+        return int(now - self._latency) - delay
 
     def _attend(self) -> None:
         """Look; after a while without, no gap is a jump. A clock that is set tells nothing."""

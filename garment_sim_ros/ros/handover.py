@@ -4,6 +4,7 @@ Messages are handed over serialized, as they would come: what a node does with t
 and so is what it rejects. Whoever else wants them subscribes as ever.
 """
 
+import time
 from collections import deque
 from collections.abc import Iterable
 from typing import Any
@@ -26,15 +27,18 @@ class Handed:
     """
 
     def __init__(self, most: int | None) -> None:
-        self._waiting: deque[bytes] = deque(maxlen=most)
+        self._waiting: deque[tuple[bytes, int]] = deque(maxlen=most)
 
     def put(self, data: bytes) -> None:
         """Hand over a serialized message."""
-        self._waiting.append(data)
+        self._waiting.append((data, time.time_ns()))
 
     def take(self) -> Taken | None:
         """The next message, None where there is none."""
-        return Taken(self._waiting.popleft(), _SENDER, 0) if self._waiting else None
+        if not self._waiting:
+            return None
+        data, received = self._waiting.popleft()
+        return Taken(data, _SENDER, received)
 
 
 class Handover:

@@ -157,9 +157,14 @@ class ManagedNode(LifecycleNode, Generic[Group]):
     def release(self) -> None:
         """Let go of what `prepare` loaded; topics end by themselves."""
 
-    def tick_at(self, rate: float, callback: Callable[[int, int], None]) -> Ticker:
+    def tick_at(
+        self,
+        rate: float,
+        callback: Callable[[int, int], None],
+        work_ahead: Callable[[int], object] | None = None,
+    ) -> Ticker:
         """Begin to call back at a fixed rate [Hz]; see `Ticker`."""
-        self.ticker = Ticker(self, rate, callback, self._place.origin)
+        self.ticker = Ticker(self, rate, callback, self._place.origin, work_ahead)
         return self.ticker
 
     def stop_ticking(self) -> None:

@@ -20,7 +20,7 @@ class Measurement:
 
     def add(self, avatar: AvatarNodes) -> None:
         """Measure an avatar from now on."""
-        avatar.cloth.ages.clear()
+        avatar.cloth.shown.ages.clear()
         self._before[avatar] = time.monotonic(), _values(avatar)
 
     def drop(self, avatar: AvatarNodes) -> None:
@@ -57,7 +57,7 @@ def _values(avatar: AvatarNodes) -> Mapping[str, Any]:
 def _of_one(avatar: AvatarNodes, began: float, before: Mapping[str, Any]) -> dict[str, Any]:
     now, seconds = _values(avatar), time.monotonic() - began
     counted = {name: now.get(name, 0) - before.get(name, 0) for name in _COUNTED}
-    ages = list(avatar.cloth.ages) or [0.0]
+    ages = list(avatar.cloth.shown.ages) or [0.0]
     return {
         "rate_hz": round(counted["frames"] / max(seconds, 1e-9), 2),
         "due_frames": round(avatar.cloth.parameters.rate * seconds),

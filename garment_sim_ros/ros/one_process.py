@@ -122,7 +122,7 @@ class OneProcess:
     @property
     def is_dressed(self) -> bool:
         """Whether all avatars have shown cloth."""
-        return all(avatar.cloth.frames for avatar in self._avatars.values())
+        return all(avatar.cloth.shown.count for avatar in self._avatars.values())
 
     def check(self) -> None:
         """See that all can go on.

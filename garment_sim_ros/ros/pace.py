@@ -44,7 +44,8 @@ class Pace:
         self._stepper = stepper
         self._log = log
         self._pacer: Pacer | None = None
-        self._began = self._waited = 0.0
+        self._began = self._waited = self._work = 0.0
+        self._free = 0
         if preset != AUTO:
             return
         if p.step_on == "poses":
@@ -68,23 +69,37 @@ class Pace:
         if self._pacer is not None:
             self._pacer.budget = budget_of(p)
 
-    def begin(self, ticker: Ticker, due: int) -> None:
-        """A frame begins that was due at a time of the ticker's [ns]."""
+    def begin(self) -> None:
+        """Work at a frame begins."""
         self._began = time.perf_counter()
-        self._waited = 0.0 if ticker.is_simulated else 1e3 * (ticker.now() - due) / SECOND
+
+    def wait(self, ticker: Ticker, due: int) -> None:
+        """A frame is made now that was due at a time of the ticker's [ns].
+
+        Where work ahead of it went on until then nothing was waited for.
+        """
+        if not ticker.is_simulated:
+            self._waited = max(0.0, 1e3 * (ticker.now() - max(due, self._free)) / SECOND)
+
+    def rest(self, ticker: Ticker) -> None:
+        """Work at it ends for now, ahead of the frame."""
+        self._work += 1e3 * (time.perf_counter() - self._began)
+        self._free = ticker.now()
 
     def look(self, until: int) -> int:
         """See how much is due up to a time [ns], before it is simulated; the same time."""
         stepper = self._stepper
         is_steady = self._pacer is not None and not stepper.is_behind
         if is_steady and stepper.due(until) > self._most:
-            self._frame(0.0, behind=True)
+            self._frame(0.0, self._waited, behind=True)
         return until
 
     def end(self, *, moved: bool) -> None:
         """A frame ends; those in which garments are put on, or stand, do not count."""
+        work, waited = self._work + 1e3 * (time.perf_counter() - self._began), self._waited
+        self._work = self._waited = 0.0
         if self._pacer is not None and moved and not self._stepper.is_behind:
-            self._frame(1e3 * (time.perf_counter() - self._began))
+            self._frame(work, waited)
 
     def figures(self) -> dict[str, object]:
         """What goes to `quality` and to diagnostics."""
@@ -99,9 +114,9 @@ class Pace:
             "frame_budget_ms": self._pacer.budget,
         }
 
-    def _frame(self, work: float, *, behind: bool = False) -> None:
+    def _frame(self, work: float, waited: float, *, behind: bool = False) -> None:
         assert self._pacer is not None
-        change = self._pacer.frame(work, self._waited, behind=behind)
+        change = self._pacer.frame(work, waited, behind=behind)
         if change is not None:
             before, after = map(self._pacer.name, change[:2])
             self._log(f"auto: from {before} to {after}, {change.cause}")

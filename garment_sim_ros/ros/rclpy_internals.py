@@ -7,6 +7,7 @@ versions that they were checked with (`CHECKED_WITH`).
 """
 
 import ctypes
+import time
 import weakref
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -18,6 +19,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.node import Node
 from rclpy.subscription import Subscription
+
+from garment_sim_ros.stamps import SECOND
 
 CHECKED_WITH = ("7.1",)
 """Major and minor versions of `rclpy`."""
@@ -31,6 +34,8 @@ PARTICIPANT = 12
 _IDENTITY = 16
 _KINDS = ("subscription", "guard_condition", "client", "service")
 _ERROR, _NOTHING_THERE = 1, 401
+_OLDEST = 10 * SECOND
+"""No message waits longer to be taken: the machine's clock was set [ns]."""
 _KEPT_ROOM = 2**20
 """Room for messages that is kept from one to the next [bytes]."""
 
@@ -47,6 +52,11 @@ class Taken(NamedTuple):
     data: bytes
     publisher: bytes
     received: int
+
+    def age(self) -> int:
+        """How long ago it was received [ns]; 0 where that is not known, or the clock was set."""
+        age = time.time_ns() - self.received
+        return age if 0 < age < _OLDEST else 0
 
 
 class Unattended(CallbackGroup):

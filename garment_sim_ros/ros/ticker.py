@@ -28,6 +28,8 @@ _LOST = 10 * SECOND
 """A grid so far in the past is left: the clock was set, or the machine slept [ns]."""
 _STANDS = SECOND // 10
 """A simulated clock that has not moved for so long stands still [ns]."""
+_PARTS = 4
+"""A period is divided into so many parts by times at which work ahead of a call can be done."""
 
 
 class Ticker:
@@ -40,6 +42,8 @@ class Ticker:
             since the one before: 1, or more where calls had to be left out.
         origin: A time of the grid in real time [ns]: tickers with the same one stay in step, where
             their rates are multiples of each other. None: the grid begins now.
+        work_ahead: Does between two calls what can be done of the second; called some times, but
+            not in simulated time. Takes when that call is due [ns].
 
     Attributes:
         period: Time between calls [ns].
@@ -52,8 +56,10 @@ class Ticker:
         rate: float,
         callback: Callable[[int, int], None],
         origin: int | None = None,
+        work_ahead: Callable[[int], object] | None = None,
     ) -> None:
         self.period = round(SECOND / rate)
+        self._work_ahead = work_ahead
         self._calls = Fraction(rate) / SECOND  # per nanosecond
         self._callback = callback
         self._node = node
@@ -69,6 +75,7 @@ class Ticker:
         self._origin = self.now() if given is None else given
         self._number = 1 + self._last_before(self.now())
         self._due = self._time_of(self._number)
+        self._part = _PARTS
         self._seen = self.now(), time.monotonic_ns()
         if simulated:
             self._timer = self._node.create_timer(self.period / SECOND, self._tick)
@@ -90,29 +97,43 @@ class Ticker:
         return self.now() if self.is_simulated else time.monotonic_ns()
 
     def ahead(self) -> int:
-        """Time until the next call is due [ns]; 0 or less where it is."""
+        """Time until there is something to do [ns]: the next call, or work ahead of it."""
         now = self.now()
         self._leave_a_lost_grid(now)
-        return self._due - now
+        return self._next() - now
 
     def wait(self, longest: int) -> None:
-        """Sleep until the next call is due, at most some time [ns], and make it."""
+        """Sleep until there is something to do, at most some time [ns], and do it."""
         ahead = self.ahead()
         if ahead > 0:
             time.sleep(min(ahead, longest) / SECOND)
         if ahead <= longest:
-            self._tick()
+            self._do()
 
     def call_if_due(self) -> None:
-        """Make the next call unless it is too early for it, or a timer makes it."""
+        """Do what there is to do unless it is too early for it, or a timer does it."""
         if not self.is_simulated and self.ahead() <= 0:
+            self._do()
+
+    def _next(self) -> int:
+        """When there is something to do [ns]."""
+        left = _PARTS - self._part
+        return self._due - left * self.period // _PARTS
+
+    def _do(self) -> None:
+        if self._work_ahead is None or self._next() >= self._due or self.now() >= self._due:
             self._tick()
+            return
+        self._work_ahead(self._due)
+        now = self.now()
+        while self._part < _PARTS and self._next() <= now:
+            self._part += 1
 
     def _leave_a_lost_grid(self, now: int) -> None:
         """Begin a new one where the clock was set: a call is due within a period, or was."""
         if now - self._due > _LOST or self._due - now > 2 * self.period:
             self._origin = self._due = now
-            self._number = 0
+            self._number, self._part = 0, _PARTS
 
     def destroy(self) -> None:
         """Stop for good."""
@@ -129,6 +150,7 @@ class Ticker:
         due = self._due if not missed else self._time_of(number)
         self._number = number + 1
         self._due = self._time_of(self._number)
+        self._part = _PARTS if self._work_ahead is None else 1
         self._callback(due, 1 + missed)
 
     def _time_of(self, number: int) -> int:

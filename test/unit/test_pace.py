@@ -62,7 +62,8 @@ class Run:
             self.stepper.add(0, self.simulation.collider_set.poses(), 0)
         self.asked.clear()
         ticker = SimpleNamespace(is_simulated=False, now=lambda: round(1e6 * waited))
-        self.pace.begin(ticker, 0)
+        self.pace.wait(ticker, 0)
+        self.pace.begin()
         moved = self.stepper.advance(self.pace.look(self.stepper.target(self.stamp)))
         self.now += took / 1e3
         self.pace.end(moved=moved)
@@ -104,6 +105,36 @@ def test_what_was_waited_counts(monkeypatch):
     for _ in range(6):
         run.frame(4.0, waited=4.0)
     assert run.level < AT_FIRST
+
+
+def in_two_parts(run, ahead, rest, late=0.0):
+    """A frame worked at before it was due [ms], and after; the first part ends `late` [ms]."""
+    run.stamp += FRAME
+    run.stepper.add(run.stamp, run.simulation.collider_set.poses(), run.stamp)
+    clock = SimpleNamespace(is_simulated=False, now=lambda: round(1e9 * run.now))
+    due = round(1e9 * run.now) + FRAME
+    run.now = 1e-9 * (due + round(1e6 * (late - ahead)))
+    run.pace.begin()
+    moved = run.stepper.advance(run.pace.look(run.stepper.target(run.stamp)))
+    run.now += ahead / 1e3
+    run.pace.rest(clock)
+    run.now = max(run.now, 1e-9 * due)
+    run.pace.wait(clock, due)
+    run.pace.begin()
+    run.now += rest / 1e3
+    run.pace.end(moved=moved)
+
+
+@pytest.mark.parametrize(
+    ("ahead", "rest", "late", "falls"),
+    [(4.0, 2.0, -8.0, False), (4.0, 2.0, 3.0, False), (6.0, 2.0, -8.0, True)],
+)
+def test_work_ahead_of_a_frame_counts_once(monkeypatch, ahead, rest, late, falls):
+    """6.67 ms are allowed: idle time before the frame is due is no work, nor work a wait."""
+    run = Run(monkeypatch)
+    for _ in range(10):
+        in_two_parts(run, ahead, rest, late)
+    assert (run.level < AT_FIRST) == falls
 
 
 def test_time_and_motion_are_the_same_at_any_level(monkeypatch):

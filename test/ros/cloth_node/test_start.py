@@ -129,7 +129,7 @@ def test_the_same_messages_give_the_same_bytes(start_node, make_probe, outfit, a
         until(lambda p=probe, n=node: p.diagnostics(n), "the node runs")
         probe.publish(COLLIDER_DESCRIPTION, avatar.description)
         # Where a message leaves the simulated time, by the rule of whole steps.
-        step, time = round(SECOND / 180), None
+        step, time = SECOND // 180, None
         for i, stamp in enumerate(stamps):
             poses = avatar.at(1e-9 * stamp)
             poses.position[:, 0] += 3.0 * (i >= 20)
