@@ -37,7 +37,7 @@ from garment_sim_ros.presets import Choice, chosen, preset_file
 from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh
 from garment_sim_ros.recording.own_sides import OwnSides
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.solvers import SOLVERS
+from garment_sim_ros.sim.solvers import SOLVERS, longest_step
 
 RATE, MEASURED, SKIPPED = 60.0, 0.1, 0.5
 OUTFIT = "tshirt_short_skirt"
@@ -122,7 +122,7 @@ class Wearer:
             environment=validated(Environment, choice.values("cloth_node", Environment)),
             solver=choice.solver,
             settings=validated(group, choice.values("cloth_node", group)),
-            solver_step=node.solver_step,
+            solver_step=longest_step(choice.solver, node.solver_step),
         )
         skin = self.avatar.body.skin
         meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in garments}

@@ -70,7 +70,7 @@ class Machine:
 
     def __init__(self, stepper: ClothStepper, load: float) -> None:
         self._stepper = stepper
-        self._cost = load * stepper.simulation.solver_step * SECOND
+        self._load = load * SECOND
         self._free_at = 0.0
 
     def advance(self, now: int) -> bool:
@@ -78,13 +78,14 @@ class Machine:
         if now < self._free_at:
             return False
         stepper = self._stepper
-        taken, simulation = 0, stepper.simulation
+        taken, simulation = 0.0, stepper.simulation
         kept = simulation.advance, simulation.advance_coarsely
 
         def count(step):
             def counted(*args):
                 nonlocal taken
-                taken += 1
+                _start, _end, dt, *times = args
+                taken += dt / (times or [1])[0]
                 step(*args)
 
             return counted
@@ -94,7 +95,7 @@ class Machine:
             moved = stepper.advance(stepper.target(now))
         finally:
             simulation.advance, simulation.advance_coarsely = kept
-        self._free_at = now + taken * self._cost
+        self._free_at = now + taken * self._load
         return moved
 
 

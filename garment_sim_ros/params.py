@@ -323,8 +323,8 @@ class ClothNodeParameters:
     )
     solver_step: float = parameter(
         USUAL_STEP,
-        "Fixed step of the solver. A frame shows a whole number of steps, so long steps make the "
-        "motion uneven.",
+        "Fixed step of the cloth. A frame shows a whole number of steps, so long steps make the "
+        "motion uneven. With xpbd steps up to 1/60 s are simulated as one.",
         unit="s",
         minimum=1e-4,
         maximum=0.5,
@@ -348,8 +348,8 @@ class ClothNodeParameters:
     )
     frame_budget_ms: float = parameter(
         0.0,
-        "Longest time from when a frame is due until it is published, which preset auto keeps to "
-        "by moving the solver's settings. 0: 40 % of the period; a frame is late after 50 %.",
+        "Longest time that a frame may take, with what it waits for a core when it is due; preset "
+        "auto keeps to it by moving the solver's settings. 0: 60 % of the period.",
         unit="ms",
         minimum=0.0,
         maximum=1e4,

@@ -23,7 +23,7 @@ from garment_sim_ros.recording.outfit_pictures import outfit_picture
 from garment_sim_ros.sim.account import account, in_words
 from garment_sim_ros.sim.auto.own_front import own_levels
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.solvers import SOLVERS
+from garment_sim_ros.sim.solvers import SOLVERS, longest_step
 
 EXAMPLE = "garment-sim info --body avatar.glb --outfit tshirt_short_skirt"
 
@@ -54,10 +54,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     usual = validated(ColliderOptions, choice.values("collider_node", ColliderOptions))
     colliders = fit_colliders(body, read_outfit(args.outfit).colliders_on(usual))
     group = SOLVERS[choice.solver].settings
-    node = choice.values("cloth_node", ClothNodeParameters)
-    outfit = load_outfit(
-        *(args.outfit, body), colliders=colliders, attachments=node.get("attachments", "auto")
-    )
+    node = validated(ClothNodeParameters, choice.values("cloth_node", ClothNodeParameters))
+    outfit = load_outfit(*(args.outfit, body), colliders=colliders, attachments=node.attachments)
     told = account(
         Simulation(
             outfit.garments,
@@ -65,7 +63,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             environment=validated(Environment, choice.values("cloth_node", Environment)),
             settings=validated(group, choice.values("cloth_node", group)),
             solver=choice.solver,
-            solver_step=node.get("solver_step"),
+            solver_step=longest_step(choice.solver, node.solver_step),
         )
     )
     own = own_levels()

@@ -28,7 +28,8 @@ _UNSTEADY = SECOND // 4
 _STEADY = SECOND // 10
 """until there was none for so long [ns]."""
 _COARSE = 3
-"""Steps that are taken as one where the garments lag behind."""
+"""Where the garments lag behind sub-steps are so many times as long, and so many steps at least
+are one."""
 _CATCHING_UP = 3
 """Garments that were put on catch up within so many times the frames that it takes where the body
 stands still; a machine that is slower than that passes time over."""
@@ -38,12 +39,14 @@ shown are worse than garments that passed time over."""
 
 
 class ClothStepper:
-    """Advances a simulation by whole solver steps up to a time that poses are known for.
+    """Advances a simulation by whole steps up to a time that poses are known for.
 
-    Times are integer nanoseconds, so that the same stamps always give the same steps.
+    Times are integer nanoseconds, so that the same stamps always give the same steps. Steps that
+    follow each other are one of the simulation, as far as its `solver_step` reaches.
 
     Args:
         simulation: The garments.
+        step: The step [s].
         delay: How far the cloth stays behind the newest poses [s]; below 0: one input period.
         catch_up: Most time to simulate at once where frames are due [s].
         teleport_speed: Colliders that move faster have jumped [m/s].
@@ -71,6 +74,7 @@ class ClothStepper:
         self,
         simulation: Simulation,
         *,
+        step: float,
         delay: float,
         catch_up: float,
         teleport_speed: float,
@@ -91,12 +95,12 @@ class ClothStepper:
         self._least_due = self._in_vain = 0
         self.delay = delay
         # Rounded down, so that whole numbers of steps fit into a period of the input.
-        self._step = math.floor(simulation.solver_step * SECOND + 1e-2)
+        self._step = math.floor(step * SECOND + 1e-2)
         self._most_steps = max(1, round(catch_up * SECOND) // self._step)
         self._most_lag = round(longest_lag * SECOND) // self._step
         self._is_late = False
         self._late_steps = 0
-        self._at_once: int | None = None
+        self._may_be_coarse = True
         self._jump = {"speed": teleport_speed, "turn_rate": teleport_turn_rate}
         self._on_teleport, self._on_time_jump = on_teleport, on_time_jump
         self._order = StampOrder(time_jump)
@@ -117,6 +121,7 @@ class ClothStepper:
     ) -> "ClothStepper":
         """As the node's parameters have it, with single ones replaced by others."""
         values = {
+            "step": p.solver_step,
             "delay": p.delay,
             "catch_up": p.catch_up,
             "teleport_speed": p.teleport_speed,
@@ -223,12 +228,9 @@ class ClothStepper:
         """Put the garments on anew at the next `advance`."""
         self._starts_anew = True
 
-    def take_at_once(self, steps: int) -> None:
-        """From now on this many steps are one of the simulation's, whose step somebody else sets.
-
-        He then also sees to it that garments that lag behind cost less: no steps are coarse.
-        """
-        self._at_once = steps
+    def never_coarse(self) -> None:
+        """From now on somebody else sees to it that garments that lag behind cost less."""
+        self._may_be_coarse = False
 
     def due(self, until: int) -> int:
         """How many steps there are up to a time [ns]."""
@@ -351,15 +353,16 @@ class ClothStepper:
         return over, taken
 
     def _simulate(self, steps: int, *, coarse: bool) -> None:
-        """Take so many steps; where they are coarse, some at once."""
+        """Take so many steps, as many at once as the simulation does."""
         assert self.time is not None
+        most = max(1, round(self.simulation.solver_step * SECOND / self._step))
+        coarse = coarse and self._may_be_coarse
         while steps > 0:
-            at_once = self._at_once or (_COARSE if coarse else 1)
-            at_once = min(steps, at_once)
+            at_once = min(steps, max(most, _COARSE) if coarse else most)
             steps -= at_once
             self.time += at_once * self._step
             self._buffer.at(self.time, self._next)
-            self._move(at_once)
+            self._move(at_once, coarse=coarse)
 
     def _take_along(self, stamp: int, poses: ColliderPoses) -> None:
         """Take the garments along on a jump; time until then is passed over."""
@@ -379,15 +382,13 @@ class ClothStepper:
         self.simulation.transport(self._now, self._next)
         self._now, self._next = self._next, self._now
 
-    def _move(self, steps: int) -> None:
-        if steps == 1 and self._at_once in (None, 1):
-            self.simulation.advance(self._now, self._next)
-        elif self._at_once is not None:
-            self.simulation.advance(self._now, self._next, steps * self._step / SECOND)
+    def _move(self, steps: int, *, coarse: bool) -> None:
+        time = steps * self._step / SECOND
+        if coarse and steps > 1:
+            self.simulation.advance_coarsely(self._now, self._next, time, _COARSE)
             self.coarse += steps * self._step
         else:
-            self.simulation.advance_coarsely(self._now, self._next, steps)
-            self.coarse += steps * self._step
+            self.simulation.advance(self._now, self._next, time)
         self._now, self._next = self._next, self._now
         self.steps += steps
 

@@ -15,6 +15,7 @@ from garment_sim_ros.ros.background import Background
 from garment_sim_ros.ros.compiler import Compiler
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.solvers import longest_step
 from garment_sim_ros.sim.warm_up import Scene
 
 DESCRIPTION = "collider_description"
@@ -59,14 +60,15 @@ def dress(
         colliders: Its colliders.
         attachments: What holds the garments, as `load_outfit` takes it.
         solver: Name of the solver.
-        solver_step: Its step [s].
+        solver_step: The step of the cloth's clock [s].
         parameters: Outer forces and numerical parameters.
 
     Raises:
         GarmentSimError: One of them cannot be used, or they do not suit each other.
     """
     made = load_outfit(outfit, body, colliders=colliders, attachments=attachments)
-    simulation = Simulation(made.garments, colliders, solver=solver, solver_step=solver_step)
+    step = longest_step(solver, solver_step)
+    simulation = Simulation(made.garments, colliders, solver=solver, solver_step=step)
     simulation.parameters = parameters
     return made, simulation
 
@@ -80,7 +82,7 @@ class Dresser:
         frame_id: Frame that descriptions must be in.
         attachments: What holds the garments, as `load_outfit` takes it.
         solver: Name of the solver.
-        solver_step: Its step [s].
+        solver_step: The step of the cloth's clock [s].
         compiler: Compiles what the garments will run.
         parameters: Gives outer forces and numerical parameters, which must suit the colliders.
         after: A thread of an earlier dresser's to wait for, see `Background.retire`.

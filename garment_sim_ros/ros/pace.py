@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from garment_sim_ros.lateness import ALLOWED
 from garment_sim_ros.params import ClothNodeParameters
 from garment_sim_ros.presets import preset_values
 from garment_sim_ros.ros.cloth_stepper import ClothStepper
@@ -15,8 +14,9 @@ from garment_sim_ros.sim.auto.pacer import Pacer, check_solver, check_unmoved
 from garment_sim_ros.stamps import SECOND
 
 AUTO = "auto"
-SHARE = 0.8 * ALLOWED
-"""Part of a frame's period that it may take where no budget is given: less than makes it late."""
+SHARE = 0.6
+"""Part of a frame's period that it may take where no budget is given: much of it is done before
+the frame is due, and the other nodes need a core as well."""
 _BEHIND = 2
 """More frames' time than this makes the cloth be behind."""
 _NOT = "time must not decide where step_on is poses: preset auto runs as balanced does"
@@ -51,13 +51,12 @@ class Pace:
         if p.step_on == "poses":
             log(_NOT)
             return
-        self._quantum = stepper.simulation.solver_step
-        self._most = _BEHIND / p.rate / self._quantum + 0.5
+        self._most = _BEHIND / p.rate / p.solver_step + 0.5
         own = own_levels()
         levels = own.levels if levels is None else levels
         log(f"auto: {len(levels)} levels, costs {own.told}; {budget_of(p):.3g} ms for a frame")
         self._pacer = Pacer(stepper.simulation, budget_of(p), p.rate, levels)
-        self._pass_on()
+        stepper.never_coarse()
 
     def apply(self) -> None:
         """Go on at the level after the simulation was given other parameters."""
@@ -120,11 +119,6 @@ class Pace:
         if change is not None:
             before, after = map(self._pacer.name, change[:2])
             self._log(f"auto: from {before} to {after}, {change.cause}")
-            self._pass_on()
-
-    def _pass_on(self) -> None:
-        assert self._pacer is not None
-        self._stepper.take_at_once(max(1, round(self._pacer.level.solver_step / self._quantum)))
 
 
 def budget_of(p: ClothNodeParameters) -> float:
@@ -140,5 +134,4 @@ def check_pace(preset: str, settings: Any, p: ClothNodeParameters) -> None:
     """
     if preset == AUTO and p.step_on != "poses":
         check_solver(settings)
-        given = {"solver_step": p.solver_step, **vars(settings)}
-        check_unmoved(given, preset_values(AUTO, "cloth_node"))
+        check_unmoved(vars(settings), preset_values(AUTO, "cloth_node"))

@@ -93,7 +93,7 @@ def numerics_of(
     )
     if budget:
         check_solver(parameters.settings)
-        check_unmoved({"solver_step": step, **vars(parameters.settings)}, usual)
+        check_unmoved(vars(parameters.settings), usual)
     return Numerics(solver, step, parameters, budget)
 
 

@@ -23,6 +23,8 @@ between two searches but the solver, the sub-steps between them are one call.
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
+import numpy as np
+
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.model import Parameters
@@ -50,7 +52,9 @@ def take_step(
         dt: The step [s].
     """
     count, search_every = max((solver.pace(piece, params, dt) for piece in pieces), default=(1, 1))
-    step = Step(colliders, params, count, search_every, dt / count)
+    # To a precision at which sub-steps of steps of several lengths are the same.
+    sub_step = float(np.float32(dt / count))
+    step = Step(colliders, params, count, search_every, sub_step)
     colliders.begin(search_every)
     for pair in pairs:
         pair.look()

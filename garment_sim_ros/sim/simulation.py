@@ -252,26 +252,26 @@ class Simulation(ByName):
         self._look_after(poses_end)
 
     def advance_coarsely(
-        self, poses_start: ColliderPoses, poses_end: ColliderPoses, steps: int
+        self, poses_start: ColliderPoses, poses_end: ColliderPoses, dt: float, times: int
     ) -> None:
-        """Advances all garments by several steps of the solver taken as one.
+        """Advances all garments in longer sub-steps, with fewer searches for contacts.
 
-        There are as many sub-steps and searches for contacts as in one: the edges are longer, and
-        it takes less time.
+        The edges are longer then, and it takes less time.
 
         Args:
             poses_start: World poses of the colliders at the start.
             poses_end: World poses at the end.
-            steps: How many steps.
+            dt: Time between them [s].
+            times: How many times as long sub-steps, and steps, are.
 
         Raises:
-            MessageError: Poses that are not usable; nothing changes.
+            MessageError: Poses or a time that are not usable; nothing changes.
         """
         self._motion.check(poses_start)
         self._motion.check(poses_end)
-        self._coarseness = steps
+        self._coarseness = times
         try:
-            self._go(poses_start, poses_end, self.solver_step * steps)
+            self._go(poses_start, poses_end, dt)
         finally:
             self._coarseness = 1
         self._at.assign(poses_end)

@@ -15,8 +15,6 @@ from garment_sim_ros.sim.auto.levels import LEVELS, Level
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.strain import StrainMeter
 
-STEPS = max(level.steps for level in LEVELS)
-"""Poses in a frame: a node takes each step by itself."""
 SECONDS = 3.0
 _FRAMES = 60
 """In a second."""
@@ -32,7 +30,7 @@ class Walker:
         avatar: The mannequin.
         outfit: What it wears.
         level: The level.
-        poses: Of its colliders, `STEPS` for each frame.
+        poses: Of its colliders, for each frame.
     """
 
     def __init__(
@@ -40,13 +38,11 @@ class Walker:
     ) -> None:
         self._poses = poses
         self._at = 0
-        self._whole = STEPS // level.steps
         self.simulation = Simulation(
             outfit,
             avatar.colliders,
             preset="balanced",
             settings=level.settings(XpbdSettings()),
-            solver_step=level.solver_step,
         )
         self._strain = [(StrainMeter(view.model), view.state) for view in self.simulation]
         self.times: list[float] = []
@@ -54,13 +50,10 @@ class Walker:
         self.simulation.reset(poses[0])
 
     def frame(self) -> None:
-        """A frame as a node takes it: each of its steps by itself, or all as one."""
+        """A frame as a node takes it."""
         began = time.thread_time()
-        for _ in range(STEPS // self._whole):
-            start, self._at = self._at, self._at + self._whole
-            self.simulation.advance(
-                self._poses[start], self._poses[self._at], self._whole / STEPS / _FRAMES
-            )
+        start, self._at = self._at, self._at + 1
+        self.simulation.advance(self._poses[start], self._poses[self._at], 1 / _FRAMES)
         self.times.append(1e3 * (time.thread_time() - began))
         self.stretch.append(max(meter.read(state).p95 for meter, state in self._strain))
 
@@ -80,8 +73,7 @@ def calibrate(
     """
     avatar = Avatar.load("mannequin", preset="balanced")
     frames = max(2 * _FIRST, round(seconds * _FRAMES))
-    rate = _FRAMES * STEPS
-    joints = avatar.joints("walk", rate, seconds=(frames + 1) / _FRAMES, repeat="loop")
+    joints = avatar.joints("walk", _FRAMES, seconds=(frames + 1) / _FRAMES, repeat="loop")
     poses = [avatar.poses(T).copy() for T in joints]
     outfit = avatar.dress("tshirt_short_skirt")
     walkers = [

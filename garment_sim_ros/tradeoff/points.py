@@ -14,7 +14,7 @@ from garment_sim_ros.params import (
     XpbdSettings,
 )
 from garment_sim_ros.presets import collider_options, preset_values, worn_with
-from garment_sim_ros.sim.solvers import SOLVERS
+from garment_sim_ros.sim.solvers import SOLVERS, longest_step
 from garment_sim_ros.solver_params import SPRINGS
 from garment_sim_ros.tradeoff.axes import Axis, Options, acting, solver_options, words
 
@@ -155,9 +155,11 @@ def _preset_colliders(preset: str) -> str:
 
 
 def _step(preset: str) -> float:
-    """A node's step [s]."""
-    usual = declarations(ClothNodeParameters)["solver_step"].default
-    return float(preset_values(preset, "cloth_node").get("solver_step", usual))
+    """The longest step that a node takes at once [s]."""
+    usual = declarations(ClothNodeParameters)
+    values = preset_values(preset, "cloth_node")
+    solver, step = (values.get(name, usual[name].default) for name in ("solver", "solver_step"))
+    return longest_step(solver, float(step))
 
 
 def _whole(ratio: float) -> int:

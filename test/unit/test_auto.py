@@ -35,7 +35,6 @@ def test_it_begins_as_balanced_does():
     start = LEVELS[AT_FIRST]
     assert start.settings(XpbdSettings()).sub_step == pytest.approx(auto["sub_step"])
     assert start.search_every == auto["search_every"]
-    assert start.solver_step == pytest.approx(auto["solver_step"])
 
 
 def test_its_ends_are_the_solvers_of_fast_and_accurate():
@@ -43,8 +42,6 @@ def test_its_ends_are_the_solvers_of_fast_and_accurate():
         said = preset_values(name, "cloth_node")
         assert level.sub_steps == round(FRAME / said["sub_step"])
         assert level.search_every == said["search_every"]
-        if "solver_step" in said:
-            assert level.solver_step == said["solver_step"]
 
 
 def test_a_level_is_set_whatever_else_is_set_meanwhile():

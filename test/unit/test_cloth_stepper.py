@@ -38,7 +38,8 @@ class TestClothStepper:
             )
             simulation = Simulation((garment,), cloth.colliders(ball), solver_step=STEP / SECOND)
             values = {
-                **{"delay": 0.0, "catch_up": 0.1, "time_jump": 1.0, "longest_lag": 0.0},
+                **{"step": STEP / SECOND, "delay": 0.0, "catch_up": 0.1},
+                **{"time_jump": 1.0, "longest_lag": 0.0},
                 **{"teleport_speed": 30.0, "teleport_turn_rate": 105.0, "on_teleport": "reset"},
                 **{"on_time_jump": "reset"},
             }

@@ -15,6 +15,7 @@ from garment_sim_ros.ros.cloth_stepper import ClothStepper
 from garment_sim_ros.ros.pace import Pace, check_pace
 from garment_sim_ros.sim.auto.levels import LEVELS, START
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.solvers import longest_step
 
 SECOND = 10**9
 FRAME = SECOND // 60
@@ -34,7 +35,7 @@ class Run:
         self.simulation = Simulation(
             gs.Garment.sheet(0.4, 0.4, edge=0.1, at=(0.0, 0.0, 0.12)),
             ball,
-            solver_step=self.p.solver_step,
+            solver_step=longest_step("xpbd", self.p.solver_step),
         )
         advance = self.simulation.advance
 
@@ -75,20 +76,20 @@ class Run:
 
 def test_frames_over_the_budget_make_it_fall_and_calm_makes_it_come_back(monkeypatch):
     run = Run(monkeypatch)
-    assert run.pace.figures()["frame_budget_ms"] == pytest.approx(0.4 * 1e3 / 60)
+    assert run.pace.figures()["frame_budget_ms"] == pytest.approx(0.6 * 1e3 / 60)
     for _ in range(10):
         run.frame(3.0)
     assert run.level == AT_FIRST
-    assert [steps for _, steps, _ in run.asked] == [1, 1, 1]
+    assert [steps for _, steps, _ in run.asked] == [1]
     for _ in range(4):
-        run.frame(12.0)
+        run.frame(20.0)
     assert run.level == 0
     told = run.pace.figures()
     assert told["auto_name"] == "fast"
-    assert "frames take 12 ms of 6.67 ms" in told["auto_cause"]
+    assert "frames take 20 ms of 10 ms" in told["auto_cause"]
     assert "from balanced to" in run.log[-1]
     run.frame(2.0)
-    # All that is due is one step now, of nine sub-steps.
+    # All that is due is one step, of nine sub-steps now.
     assert [(round(60 * 9 * sub, 6), steps) for _, steps, sub in run.asked] == [(1.0, 1)]
     assert run.asked[0][0] == pytest.approx(1 / 60, rel=1e-4)
     for _ in range(60 * 40):
@@ -103,7 +104,7 @@ def test_frames_over_the_budget_make_it_fall_and_calm_makes_it_come_back(monkeyp
 def test_what_was_waited_counts(monkeypatch):
     run = Run(monkeypatch)
     for _ in range(6):
-        run.frame(4.0, waited=4.0)
+        run.frame(6.0, waited=6.0)
     assert run.level < AT_FIRST
 
 
@@ -127,10 +128,10 @@ def in_two_parts(run, ahead, rest, late=0.0):
 
 @pytest.mark.parametrize(
     ("ahead", "rest", "late", "falls"),
-    [(4.0, 2.0, -8.0, False), (4.0, 2.0, 3.0, False), (6.0, 2.0, -8.0, True)],
+    [(7.0, 2.0, -8.0, False), (7.0, 2.0, 3.0, False), (9.0, 2.0, -8.0, True)],
 )
 def test_work_ahead_of_a_frame_counts_once(monkeypatch, ahead, rest, late, falls):
-    """6.67 ms are allowed: idle time before the frame is due is no work, nor work a wait."""
+    """10 ms are allowed: idle time before the frame is due is no work, nor work a wait."""
     run = Run(monkeypatch)
     for _ in range(10):
         in_two_parts(run, ahead, rest, late)
@@ -143,7 +144,6 @@ def test_time_and_motion_are_the_same_at_any_level(monkeypatch):
         run = Run(monkeypatch)
         run.pace._pacer._controller.level = level
         run.pace.apply()
-        run.pace._pass_on()
         for _ in range(20):
             run.frame(6.0)
             assert run.level == level
@@ -165,7 +165,7 @@ def test_where_much_is_due_it_is_at_the_floor_in_that_frame_and_nothing_else_is_
     assert {round(60 * 9 * sub, 6) for _, _, sub in run.asked} == {1.0}
     assert "the cloth is behind" in run.log[-1]
     assert run.stepper.lag > 0
-    assert run.stepper.coarse > 0
+    assert run.stepper.coarse == 0
     for _ in range(10):
         run.frame(1.0)
     assert run.stepper.lag == 0
@@ -203,12 +203,12 @@ def test_what_it_moves_is_refused_and_nothing_else():
     p = ClothNodeParameters()
     check_pace("auto", XpbdSettings(), p)
     check_pace("auto", XpbdSettings(strain_limit=0.1, coarse=True), p)
+    check_pace("auto", XpbdSettings(), ClothNodeParameters(solver_step=0.01))
     check_pace("fast", XpbdSettings(sub_step=0.001), p)
     check_pace("auto", XpbdSettings(sub_step=0.001), ClothNodeParameters(step_on="poses"))
     wrong = [
         (XpbdSettings(sub_step=0.001), p),
         (XpbdSettings(iterations=2), p),
-        (XpbdSettings(), ClothNodeParameters(solver_step=0.01)),
         (ImplicitSettings(), p),
     ]
     for settings, parameters in wrong:

@@ -96,7 +96,7 @@ class TestPresets:
         assert simulation.parameters.settings.search_every == 9
         assert simulation.solver_step == pytest.approx(1 / 60)
         balanced = preset_point("balanced", 1 / 60).arguments(1 / 60)
-        assert Player(small(), balanced).simulation.solver_step == pytest.approx(1 / 180)
+        assert Player(small(), balanced).simulation.solver_step == pytest.approx(1 / 60)
 
     def test_the_scenes_wind_wins_and_the_presets_stays(self):
         calm = Player(small(), preset_point("gong2018", 0.033, "plain").arguments(0.033))

@@ -56,7 +56,13 @@ class Node:
         simulation.advance = watched
         self.stepper = ClothStepper(
             simulation,
-            **{"delay": delay, "catch_up": 0.1, "time_jump": 1.0, "longest_lag": 0.0},
+            **{
+                "step": PERIOD / SECOND / steps,
+                "delay": delay,
+                "catch_up": 0.1,
+                "time_jump": 1.0,
+                "longest_lag": 0.0,
+            },
             **{"teleport_speed": 30.0, "teleport_turn_rate": 105.0},
             **{"on_teleport": "reset", "on_time_jump": "reset"},
         )

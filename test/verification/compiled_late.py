@@ -65,6 +65,7 @@ def main(asked) -> None:
     simulation.parameters = parameters
     stepper = ClothStepper(
         simulation,
+        step=1 / 180,
         delay=0.0,
         catch_up=0.05,
         teleport_speed=30.0,
@@ -95,11 +96,9 @@ def main(asked) -> None:
             simulation.normals(name)
     if asked.get("auto"):
         for level in LEVELS:
-            simulation.solver_step = level.solver_step
             simulation.parameters = dataclasses.replace(
                 parameters, settings=level.settings(parameters.settings)
             )
-            stepper.take_at_once(3 // level.steps)
             for _ in range(4):
                 stamp += SECOND // 60
                 stepper.add(stamp, poses, stamp)

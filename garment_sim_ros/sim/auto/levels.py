@@ -1,10 +1,10 @@
 """The points of the front that `auto` moves between, from the cheapest to the most accurate.
 
 All are settings of `xpbd` on the same colliders and with the same fabric. They differ in
-sub-steps, in searches for contacts and in how many steps are taken as one, which is what a
-frame's time goes into; more passes over the edges are beaten by more sub-steps. The lowest is the
-solver of the preset `fast`: nothing below it is known to be safe. Which is more accurate does not
-depend on the machine; what each costs does, see `own_front`.
+sub-steps and in searches for contacts, which is what a frame's time goes into; more passes over
+the edges are beaten by more sub-steps. The lowest is the solver of the preset `fast`: nothing
+below it is known to be safe. Which is more accurate does not depend on the machine; what each
+costs does, see `own_front`.
 """
 
 from collections.abc import Sequence
@@ -24,20 +24,13 @@ class Level:
         name: As tables have it.
         sub_steps: In 1/60 s.
         search_every: See `XpbdSettings`.
-        steps: Steps of the solver in 1/60 s.
         cost: Time of a frame over that of `balanced`.
     """
 
     name: str
     sub_steps: int
     search_every: int
-    steps: int
     cost: float
-
-    @property
-    def solver_step(self) -> float:
-        """Longest step of the solver [s]."""
-        return FRAME / self.steps
 
     def settings(self, base: XpbdSettings) -> XpbdSettings:
         """Settings as they are, but for what this level moves."""
@@ -45,19 +38,19 @@ class Level:
 
 
 LEVELS: tuple[Level, ...] = (
-    Level(name="fast", sub_steps=9, search_every=9, steps=1, cost=0.61),
-    Level(name="12", sub_steps=12, search_every=12, steps=1, cost=0.62),
-    Level(name="18", sub_steps=18, search_every=18, steps=1, cost=0.68),
-    Level(name="18, 2 searches", sub_steps=18, search_every=9, steps=1, cost=0.8),
-    Level(name="balanced", sub_steps=18, search_every=6, steps=3, cost=1.0),
-    Level(name="27", sub_steps=27, search_every=9, steps=3, cost=1.15),
-    Level(name="36, 3 searches", sub_steps=36, search_every=12, steps=3, cost=1.33),
-    Level(name="accurate", sub_steps=36, search_every=6, steps=3, cost=1.71),
+    Level(name="fast", sub_steps=9, search_every=9, cost=0.69),
+    Level(name="12", sub_steps=12, search_every=12, cost=0.7),
+    Level(name="18", sub_steps=18, search_every=18, cost=0.78),
+    Level(name="18, 2 searches", sub_steps=18, search_every=9, cost=0.91),
+    Level(name="balanced", sub_steps=18, search_every=6, cost=1.0),
+    Level(name="27", sub_steps=27, search_every=9, cost=1.15),
+    Level(name="36, 3 searches", sub_steps=36, search_every=12, cost=1.51),
+    Level(name="accurate", sub_steps=36, search_every=6, cost=1.84),
 )
 """What `garment-sim tradeoff --calibrate` measured where this was written."""
 START = "balanced"
 """The level that is taken at first."""
-MOVED = ("sub_step", "search_every", "iterations", "solver_step")
+MOVED = ("sub_step", "search_every", "iterations")
 """Parameters that `auto` moves, or that its levels have in common."""
 
 

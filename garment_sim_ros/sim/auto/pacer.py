@@ -18,11 +18,10 @@ class Paced(Protocol):
     """What is read and set of a `Simulation`."""
 
     parameters: Parameters
-    solver_step: float
 
 
 class Pacer:
-    """Sets sub-steps, searches and steps of a simulation between its frames.
+    """Sets sub-steps and searches of a simulation between its frames.
 
     Neither positions nor velocities change with the level: stiffnesses are physical, and the
     next frame goes on from where the last one ended. Kernels are the same for all levels. As a
@@ -88,7 +87,6 @@ class Pacer:
         now = self._simulation.parameters
         settings = now.settings
         assert isinstance(settings, XpbdSettings)
-        self._simulation.solver_step = self.level.solver_step
         if (moved := self.level.settings(settings)) != settings:
             self._simulation.parameters = replace(now, settings=moved)
 

@@ -1,5 +1,6 @@
 """Solvers: a folder each, all with the same verbs, which `sim.loop` calls."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -29,6 +30,8 @@ class Solver:
         meet: ``meet(piece, step)``: that search, contact and velocities.
         finish: ``finish(piece)``, after all sub-steps.
         usual_step: The step that the default parameters are meant for [s].
+        at_once: Steps that follow each other may be taken as one up to so much time [s]; 0 where
+            what comes out depends on the step.
     """
 
     workspace: Callable[[ClothModel, int], Workspace]
@@ -39,6 +42,7 @@ class Solver:
     meet: Callable[[Piece, Step], None]
     finish: Callable[[Piece], None]
     usual_step: float = 1 / 60
+    at_once: float = 0.0
 
 
 SOLVERS: Mapping[str, Solver] = {
@@ -60,6 +64,7 @@ SOLVERS: Mapping[str, Solver] = {
         solve=xpbd.solve,
         meet=xpbd.meet,
         finish=xpbd.finish,
+        at_once=1 / 60,
     ),
     "implicit": Solver(
         workspace=implicit.ImplicitWorkspace.room_for,
@@ -72,3 +77,8 @@ SOLVERS: Mapping[str, Solver] = {
     ),
 }
 """Solvers by name."""
+
+
+def longest_step(solver: str, step: float) -> float:
+    """The longest time that a solver takes at once of a clock with a fixed step [s]."""
+    return step * max(1, math.floor(SOLVERS[solver].at_once / step + 1e-6))

@@ -104,7 +104,7 @@ def _given(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Given:
     rate = damping_rate(piece.model.material)
     coarse = settings.coarse and settings.iterations == 1
     workspace.prepare(
-        *(piece.model, step.dt, rate, step.search_every, coarse, step.sub_steps),
+        *(piece.model, step.dt, rate, step.search_every, coarse),
         settings.membrane == TRIANGLES,
     )
     own, elastic, planes = _own(piece, workspace)

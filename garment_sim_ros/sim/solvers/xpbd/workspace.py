@@ -51,8 +51,8 @@ class XpbdWorkspace(Workspace):
         coarse: A coarse level of the edges, for the same, where it is asked for.
         threads: What it is made of; None where there is none.
         prepared_for: That length [s], the rate of damping [1/s], the sub-steps for each search for
-            contacts, whether there is a coarse level, the sub-steps of a step, and whether
-            triangles act instead of springs.
+            contacts, whether there is a coarse level, and whether triangles act instead of
+            springs.
         bend_every: Sub-steps for each pass over the hinges, see `prepare`.
         place: Points of the planes in which particles touch shapes [m], shape [free, 3].
         shift: How far those move in a sub-step [m], shape [free, 3].
@@ -79,7 +79,7 @@ class XpbdWorkspace(Workspace):
     prepared: Prepared
     coarse: CoarseLevel
     threads: Threads | None
-    prepared_for: tuple[float, float, int, bool, int, bool]
+    prepared_for: tuple[float, float, int, bool, bool]
     bend_every: int
     place: SingleArray
     shift: SingleArray
@@ -123,7 +123,7 @@ class XpbdWorkspace(Workspace):
             ),
             coarse=CoarseLevel.none(),
             threads=None,
-            prepared_for=(0.0, 0.0, 0, False, 0, False),
+            prepared_for=(0.0, 0.0, 0, False, False),
             bend_every=1,
             place=np.zeros((model.free_count, 3), np.float32),
             shift=np.zeros((model.free_count, 3), np.float32),
@@ -147,7 +147,6 @@ class XpbdWorkspace(Workspace):
         rate: float,
         search_every: int,
         coarse: bool = False,
-        count: int = 0,
         triangles: bool = False,
     ) -> None:
         """Fills `prepared` and `coarse` for sub-steps, unless they are.
@@ -164,17 +163,16 @@ class XpbdWorkspace(Workspace):
             dt: Sub-step [s].
             rate: Of damping [1/s].
             search_every: Sub-steps for each search for contacts; hinges that are not stiff have a
-                pass as often.
+                pass as often; a whole number of passes fits between two of them.
             coarse: Whether there shall be a coarse level.
-            count: Sub-steps in a step; a whole number of passes fits into them.
             triangles: Whether triangles act instead of springs.
         """
-        prepared_for = (dt, rate, search_every, coarse, count, triangles)
+        prepared_for = (dt, rate, search_every, coarse, triangles)
         if self.prepared_for == prepared_for:
             return
         keep = 1.0 / (1.0 + dt * rate)
         self.springs.prepare(model.inverse_mass, keep, dt)
-        if triangles != self.prepared_for[5]:
+        if triangles != self.prepared_for[4]:
             self._take(model, triangles)
         if triangles:
             assert self.bands is not None
@@ -189,8 +187,7 @@ class XpbdWorkspace(Workspace):
             prepare_cells(self.coarse, self.threads, keep, dt)
         ready = self.prepared
         fastest = float(self.hinge_rate.max(initial=0.0))
-        whole = count or search_every
-        divisors = (n for n in range(search_every, 1, -1) if whole % n == 0)
+        divisors = (n for n in range(search_every, 1, -1) if search_every % n == 0)
         self.bend_every = next((n for n in divisors if n * dt * fastest <= _SWING), 1)
         time = dt * self.bend_every
         swing = np.maximum(time * self.hinge_rate, _STIFFEST)

@@ -1,0 +1,94 @@
+"""Steps of a node that follow each other are one of the simulation, as far as a solver allows."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+import garment_sim_ros as gs
+from garment_sim_ros.params import ClothNodeParameters
+from garment_sim_ros.ros.cloth_stepper import ClothStepper
+from garment_sim_ros.sim.solvers import SOLVERS, longest_step
+
+SECOND = 10**9
+COLLIDERS = gs.ColliderSet.of(gs.sphere(0.1))
+
+
+def pose_at(stamp):
+    poses = COLLIDERS.poses()
+    poses.position[:, 0] = 0.05 * np.sin(6.0 * stamp / SECOND)
+    return poses
+
+
+def simulation(**options):
+    sheet = gs.Garment.sheet(0.4, 0.4, edge=0.04, at=(0.031, 0.017, 0.13))
+    return gs.Simulation(sheet, COLLIDERS, **options)
+
+
+def stepped(stamps, solver="xpbd"):
+    """A simulation that a node's stepper led through stamps, and the times of its steps [s]."""
+    p = ClothNodeParameters(delay=0.0)
+    made = simulation(solver=solver, solver_step=longest_step(solver, p.solver_step))
+    stepper, times, advance = ClothStepper.with_parameters(made, p), [], made.advance
+
+    def watched(start, end, dt):
+        times.append(dt)
+        advance(start, end, dt)
+
+    made.advance = watched
+    for stamp in stamps:
+        stepper.add(stamp, pose_at(stamp), stamp)
+        stepper.advance(stamp)
+    return made, times
+
+
+FRAMES = [round(n * SECOND / 60) for n in range(60)]
+
+
+def test_a_frame_is_one_step_and_its_cloth_that_of_the_simulation_by_itself():
+    made, times = stepped(FRAMES)
+    np.testing.assert_allclose(times, 1 / 60, rtol=1e-6)
+    made, _ = stepped(FRAMES[:20])
+    alone = simulation()
+    for stamp in FRAMES[:20]:
+        alone.step(pose_at(stamp), dt=1 / 60)
+    assert np.ptp(made["sheet"].positions[:, 2]) > 0.03, "it hangs over the ball"
+    # A step is rounded to nanoseconds; cloth that slides makes more of that.
+    np.testing.assert_allclose(made["sheet"].positions, alone["sheet"].positions, atol=2e-4)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_solvers_whose_result_depends_on_the_step_take_each_by_itself(solver):
+    _, times = stepped(FRAMES[:10], solver)
+    one = solver == "xpbd"
+    np.testing.assert_allclose(times, 1 / 60 if one else 1 / 180, rtol=1e-6)
+
+
+def test_sub_steps_are_as_long_in_a_part_of_a_frame_and_nothing_is_prepared_anew():
+    """Poses come in thirds and two thirds of a frame: springs are those of one sub-step."""
+    third = SECOND / 180
+    stamps = np.cumsum([0] + [third, 2 * third, 3 * third, third] * 8)
+    made, times = stepped([round(s) for s in stamps])
+    assert {round(180 * dt) for dt in times} == {1, 2, 3}
+    workspace = made._worn["sheet"].workspace
+    before = workspace.prepared_for
+    assert before[0] == pytest.approx(1 / 1080, rel=1e-6)
+    for k in (1, 2, 3):
+        made.advance(pose_at(0), pose_at(0), k * 5_555_555 / SECOND)
+        assert workspace.prepared_for == before
+
+
+def test_where_much_is_due_several_are_one_and_coarser():
+    p = ClothNodeParameters(delay=0.0)
+    made = simulation(solver_step=longest_step("xpbd", p.solver_step))
+    stepper, asked = ClothStepper.with_parameters(made, p), []
+    made.advance_coarsely = lambda start, end, dt, times: asked.append((round(180 * dt), times))
+    stepper.add(0, pose_at(0), 0)
+    stepper.advance(0)
+    for n in range(1, 40):
+        stepper.add(round(n * SECOND / 180), pose_at(n), n)
+    stepper.advance(round(SECOND / 60))  # it has caught up with the body then
+    assert not asked
+    stepper.advance(stepper.newest)  # 0.2 s: more than catch_up
+    assert asked
+    assert set(asked) <= {(3, 3), (2, 3)}
+    assert stepper.coarse > 0
