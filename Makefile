@@ -1,6 +1,6 @@
 # Needs Python 3.10 to 3.13 and make; everything else goes into .venv.
 .DEFAULT_GOAL := help
-.PHONY: help front peers worn soak test test-slow test-machines test-colcon fuzz fuzz-messages bench demo docs mannequin lint clean
+.PHONY: help front peers worn soak style test test-slow test-machines test-colcon fuzz fuzz-messages bench demo docs mannequin lint clean
 SHELL := /bin/bash
 
 # The first Python that is young enough and old enough.
@@ -25,12 +25,17 @@ $(STAMP): setup.py
 	$(PY) -m pip install --quiet --disable-pip-version-check --editable ".[$$extras]"
 	@touch $@
 
-test: lint ## Format, lint, types, layers and the tests under a minute each
-	$(PY) -m pytest $(SPREAD)
+# Types are checked beside the tests: they take one core, and nodes often wait for each other.
+test: style ## Format, lint, types, layers and the tests under a minute each
+	@mkdir -p out; $(PY) -m mypy >out/types.txt 2>&1 & types=$$!; \
+	echo "$(PY) -m pytest $(SPREAD)"; $(PY) -m pytest $(SPREAD); tests=$$?; \
+	wait $$types; types=$$?; cat out/types.txt; exit $$((tests ? tests : types))
 
-lint: $(STAMP)
+style: $(STAMP)
 	$(PY) -m ruff format --check .
 	$(PY) -m ruff check .
+
+lint: style
 	$(PY) -m mypy
 
 test-slow: $(STAMP) ## The tests that take longer

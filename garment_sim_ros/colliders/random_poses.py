@@ -11,7 +11,7 @@ from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.major_bones import MajorBones, major_bones
 from garment_sim_ros.body.skin import Body
-from garment_sim_ros.colliders.range_of_motion import swing_axis, swing_limit
+from garment_sim_ros.colliders.range_of_motion import across, swing_limit
 from garment_sim_ros.colliders.regions import bone_weights
 
 _ALSO = ("leftToes", "rightToes")
@@ -59,7 +59,7 @@ def random_poses(body: Body, count: int, *, seed: int = 0) -> FloatArray:
         while bone in _SHARING and above != bones.joint[bones.parent[m]]:
             chain.append(above)
             above = int(body.rig.parent[above])
-        turns = np.array([_turn(bone, along[m], rng) for _ in range(count)]).reshape(-1, 3)
+        turns = _turns(bone, along[m], count, rng)
         turn |= {j: Rotation.from_rotvec(turns / len(chain)).as_matrix() for j in chain}
     motion = np.tile(np.eye(4), (count, len(rest), 1, 1))
     for j, above in enumerate(body.rig.parent):
@@ -87,19 +87,26 @@ def _along(body: Body, bones: MajorBones, rest: FloatArray) -> FloatArray:
     return along
 
 
-def _turn(bone: str, along: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """A random turn of a bone that points along a unit direction, as a rotation vector [rad]."""
+def _turns(bone: str, along: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
+    """Random turns of a bone that points along a unit direction, as rotation vectors [rad]."""
     part = bone.removeprefix("left").removeprefix("right")
     most = np.radians(_TWIST.get(part, 0.0))
-    twist = Rotation.from_rotvec(along * rng.uniform(-most, most))
-    if part == "UpperArm":
-        swing = _raised(bone.startswith("left"), along, rng)
-    else:
-        azimuth = rng.uniform(0.0, 2.0 * np.pi)
-        limit = np.radians(swing_limit(part, azimuth)) * _USED.get(part, 1.0)
-        swing = swing_axis(along, azimuth) * limit * rng.uniform()
-    turn: FloatArray = (Rotation.from_rotvec(swing) * twist).as_rotvec()
-    return turn
+    twist, swing = np.empty((count, 3)), np.empty((count, 3))
+    limit, share = np.empty((count, 1)), np.empty((count, 1))
+    ahead, beside = across(along)
+    for i in range(count):
+        twist[i] = along * rng.uniform(-most, most)
+        if part == "UpperArm":
+            swing[i] = _raised(bone.startswith("left"), along, rng)
+        else:
+            azimuth = rng.uniform(0.0, 2.0 * np.pi)
+            swing[i] = np.cos(azimuth) * ahead + np.sin(azimuth) * beside
+            limit[i] = np.radians(swing_limit(part, azimuth)) * _USED.get(part, 1.0)
+            share[i] = rng.uniform()
+    if part != "UpperArm":
+        swing = np.cross(along, swing) * limit * share
+    turns: FloatArray = (Rotation.from_rotvec(swing) * Rotation.from_rotvec(twist)).as_rotvec()
+    return turns
 
 
 def _raised(left: bool, along: FloatArray, rng: np.random.Generator) -> FloatArray:

@@ -67,10 +67,17 @@ def swing_limit(humanoid_bone: str, azimuth: float) -> float:
 
 def swing_axis(along: FloatArray, azimuth: float) -> FloatArray:
     """The axis about which a bone along a unit direction swings to a side, shape [3]."""
-    # Directions to swing to, across the bone; "forward" of a bone that points forward is up.
+    ahead, beside = across(along)
+    axis: FloatArray = np.cross(along, np.cos(azimuth) * ahead + np.sin(azimuth) * beside)
+    return axis
+
+
+def across(along: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit directions that a bone along a unit direction swings to: forward, and to its side.
+
+    Both are across the bone; "forward" of a bone that points forward is up.
+    """
     ahead = np.array([0.0, 0.0, 1.0]) if abs(along[0]) > 0.95 else np.array([1.0, 0.0, 0.0])
     ahead = ahead - along * (along @ ahead)
     ahead /= np.linalg.norm(ahead)
-    beside = np.cross(along, ahead)
-    axis: FloatArray = np.cross(along, np.cos(azimuth) * ahead + np.sin(azimuth) * beside)
-    return axis
+    return ahead, np.cross(along, ahead)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from ros_input.nursery import Nursery, started
 from ros_input.one_process import OUTFIT, Command
 from ros_input.processes import NodeProcess, Probe, wait_until
 
@@ -25,17 +26,26 @@ def _own_network() -> Iterator[None]:
             os.environ[name] = value
 
 
-@pytest.fixture(scope="module")
-def start_node(request: pytest.FixtureRequest) -> Iterator[Callable[..., NodeProcess]]:
-    """Starts nodes that end with the module."""
-    started: list[NodeProcess] = []
+@pytest.fixture(scope="session")
+def nursery() -> Iterator[Nursery]:
+    """What nodes come from."""
+    made = Nursery()
+    yield made
+    made.end()
 
-    def start(name: str, namespace: str, **parameters: Any) -> NodeProcess:
-        started.append(NodeProcess(name, namespace, **parameters))
-        return started[-1]
+
+@pytest.fixture(scope="module")
+def start_node(nursery: Nursery) -> Iterator[Callable[..., NodeProcess]]:
+    """Starts nodes that end with the module; `apart`: it imports all by itself."""
+    nodes: list[NodeProcess] = []
+
+    def start(name: str, namespace: str, *, apart: bool = False, **parameters: Any) -> NodeProcess:
+        begin = started if apart else nursery.start
+        nodes.append(NodeProcess(name, namespace, begin=begin, **parameters))
+        return nodes[-1]
 
     yield start
-    for process in started:
+    for process in nodes:
         process.end()
 
 
@@ -68,14 +78,14 @@ def outfit(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.fixture
-def command() -> Iterator[Callable[..., Command]]:
-    """Starts `garment-sim run`; it ends with the test."""
-    started: list[Command] = []
+def command(nursery: Nursery) -> Iterator[Callable[..., Command]]:
+    """Starts `garment-sim run`; it ends with the test. `apart`: it imports all by itself."""
+    begun: list[Command] = []
 
-    def start(*words: str) -> Command:
-        started.append(Command(*words))
-        return started[-1]
+    def start(*words: str, apart: bool = False) -> Command:
+        begun.append(Command(*words, begin=started if apart else nursery.start))
+        return begun[-1]
 
     yield start
-    for process in started:
+    for process in begun:
         process.end()

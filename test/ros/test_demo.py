@@ -133,7 +133,7 @@ def test_interrupted_demo_leaves_nothing_behind(tmp_path, moment, sign):
         ("--body", "body.glb", b"not a body"),
         ("--clip", "clip.bvh", b"HIERARCHY\nnothing"),
         ("--outfit", "outfit.yaml", b"version: 99\n"),
-        ("--clip", "tango", None),
+        pytest.param("--clip", "tango", None, marks=pytest.mark.slow),
     ],
 )
 def test_unusable_input_is_named_and_ends_the_demo(tmp_path, option, name, content):

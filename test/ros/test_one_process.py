@@ -70,7 +70,7 @@ def test_a_subscriber_gets_the_same_bytes_as_from_the_nodes_apart(
     words = ["--clip", "", "--outfit", outfit, "--set", "cloth_node.step_on=poses"]
     words += ["--set", "collider_node.lossless=true"]
     words += ["--set", "collider_node.wait_for_subscribers=1"]
-    one = command(*words, "--namespace", "one_process")
+    one = command(*words, "--namespace", "one_process", apart=True)
     apart = "/three_processes"
     waits = {"lossless": True, "wait_for_subscribers": 2}
     start_node("collider_node", apart, outfit=outfit, **waits)

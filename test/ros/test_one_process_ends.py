@@ -59,7 +59,8 @@ def test_an_end_leaves_nothing(command, make_probe, until, outfit, when, number)
     namespace = f"/ends_{when.replace(' ', '_')}_{number.name.lower()}"
     probe = make_probe(namespace)
     ours = segments(os.getpid())
-    process = command("--outfit", outfit, "--namespace", namespace, "--avatars", "2")
+    words = ("--outfit", outfit, "--namespace", namespace, "--avatars", "2")
+    process = command(*words, apart=True)
     if when == "importing":
         until(lambda: "librcl.so" in mapped(process.pid), "the middleware")
     elif when == "making nodes":

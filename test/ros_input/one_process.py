@@ -1,8 +1,8 @@
 """`garment-sim run` as a process, and what an avatar of one process is given."""
 
-import subprocess
-import sys
 import threading
+
+from ros_input.nursery import started
 
 LIMIT = 180.0
 """How long anything may take on a busy machine [s]."""
@@ -23,15 +23,10 @@ def wearing(outfit, **cloth):
 
 
 class Command:
-    """`garment-sim run` as a process."""
+    """`garment-sim run` as a process, which `begin` starts: a function of module and words."""
 
-    def __init__(self, *words):
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "garment_sim_ros.cli.main", "run", *words],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+    def __init__(self, *words, begin=started):
+        self._process = begin("garment_sim_ros.cli.main", ["run", *words], errors=True)
         self._said = []
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()

@@ -5,13 +5,13 @@ import json
 import queue
 import re
 import signal
-import subprocess
-import sys
 import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable
 from typing import Any, ClassVar
+
+from ros_input.nursery import started
 
 _PATIENCE = 180.0
 """How long a condition may take to come true on a busy machine, not counting the time in which a
@@ -32,21 +32,25 @@ def wait_until(condition: Callable[[], Any], what: str, limit: float = _PATIENCE
 
 
 class NodeProcess:
-    """One of our nodes as a process."""
+    """One of our nodes as a process, which `begin` starts: a function of module and words."""
 
     all: ClassVar[list["NodeProcess"]] = []  # those that have not been ended
     last_at_work = 0.0  # when one of them last said so
 
-    def __init__(self, name: str, namespace: str, **parameters: Any) -> None:
-        command = [sys.executable, "-m", f"garment_sim_ros.ros.{name}", "--ros-args"]
-        command += ["-r", f"__ns:={namespace}"]
+    def __init__(
+        self,
+        name: str,
+        namespace: str,
+        *,
+        begin: Callable[[str, list[str]], Any] = started,
+        **parameters: Any,
+    ) -> None:
+        words = ["--ros-args", "-r", f"__ns:={namespace}"]
         for key, value in parameters.items():
-            command += ["-p", f"{key}:={json.dumps(value)}"]  # JSON is YAML
+            words += ["-p", f"{key}:={json.dumps(value)}"]  # JSON is YAML
         self.name = name
         self.full_name = f"{namespace}/{name}"
-        self._process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-        )
+        self._process = begin(f"garment_sim_ros.ros.{name}", words)
         self._lines: list[str] = []
         NodeProcess.all.append(self)
         self._reader = threading.Thread(target=self._read, daemon=True)
@@ -77,7 +81,7 @@ class NodeProcess:
 
     def wait(self) -> int:
         """Its exit code."""
-        code = self._process.wait(_PATIENCE)
+        code: int = self._process.wait(_PATIENCE)
         self._reader.join(_PATIENCE)
         return code
 

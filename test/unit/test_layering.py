@@ -111,12 +111,16 @@ def test_garments_in_their_places_stay_as_they_are(body, colliders):
         assert gap.max() < 0.003
 
 
+@pytest.fixture(scope="module", params=["mh_female_young.glb", "CesiumMan.glb"])
+def wearer(request, data_file):
+    body = load_body(data_file("bodies", request.param))
+    return body, fit_colliders(body)
+
+
 @pytest.mark.parametrize("tucked", [False, True])
-@pytest.mark.parametrize("name", ["mh_female_young.glb", "CesiumMan.glb"])
-def test_a_shirt_and_a_skirt_of_meshes(data_file, name, tucked):
+def test_a_shirt_and_a_skirt_of_meshes(data_file, wearer, tucked):
     """Modelled with the shirt over the skirt, some centimetres off it."""
-    body = load_body(data_file("bodies", name))
-    colliders = fit_colliders(body)
+    body, colliders = wearer
     made_on = {"made_on": str(data_file("bodies", "mh_female_young.glb"))}
     garments = [
         {"name": n, "mesh": str(data_file("garments", file)), "options": made_on}

@@ -47,7 +47,8 @@ SCENES = {
     "sdf": scene(SKIRT, method="sdf"),
     "mesh": scene(SKIRT, method="mesh", solver="relaxation"),
 }
-QUICK = ("auto", "plain", "layers, self-collision, wind")
+QUICK = ("auto", "layers, self-collision, wind")
+"""What "plain" has is all in the first."""
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ pytest.importorskip("rclpy")
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from ros_input.cloth import GARMENTS, SECOND, points_of, stamp_of
+from ros_input.nursery import started
 
 from garment_sim_ros.ros.topics import COLLIDER_DESCRIPTION, COLLIDER_POSES, GARMENT_POINTS
 
@@ -75,17 +76,16 @@ def test_memory_and_threads_are_flat_after_the_second_round(start_node, make_pro
 
 
 @pytest.mark.parametrize("name", ["cloth_node", "collider_node", "mocap_player"])
-def test_help_and_version_end_with_0(name):
-    for words, said in (
-        (["--help"], "rate"),
-        (["--version"], "garment_sim_ros 0."),
-        (["-h"], name),
+def test_help_and_version_end_with_0(nursery, name):
+    for begin, word, said in (
+        (started, "--help", "rate"),
+        (nursery.start, "--version", "garment_sim_ros 0."),
+        (nursery.start, "-h", name),
     ):
-        command = [sys.executable, "-m", f"garment_sim_ros.ros.{name}", *words]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
-        assert done.returncode == 0
-        assert said in done.stdout
-        assert not done.stderr
+        process = begin(f"garment_sim_ros.ros.{name}", [word], errors=True)
+        assert said in process.stdout.read()
+        assert not process.stderr.read()
+        assert process.wait(120) == 0
 
 
 def test_names_that_are_none_are_warned_about_and_mixed_numbers_taken(start_node, tmp_path, until):
@@ -117,7 +117,8 @@ def test_the_same_messages_give_the_same_bytes(start_node, make_probe, outfit, a
     runs = []
     for number in (1, 2):
         namespace = f"/cloth_same_{number}"
-        node = start_node("cloth_node", namespace, outfit=outfit, step_on="poses", normals=True)
+        asked = {"outfit": outfit, "step_on": "poses", "normals": True}
+        node = start_node("cloth_node", namespace, apart=True, **asked)
         probe = make_probe(namespace)
         names = [probe.listen(GARMENT_POINTS, name, raw=True) for name in GARMENTS]
         runs.append((node, probe, names))
