@@ -23,6 +23,7 @@ from garment_sim_ros.colliders.range_of_motion import joint_rotations
 from garment_sim_ros.colliders.regions import Regions, skin_normals
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.ties import first_least, to_nanometres
 from garment_sim_ros.geometry.transforms import invert_transform
 from garment_sim_ros.jit import exact_kernel
 
@@ -40,6 +41,8 @@ _FAT = 0.25
 """What a square of standing over the skin counts against a square of gap closed."""
 _GAIN = 0.1
 """A hull is worth it if its gain is at least this share of the squared gaps."""
+_EQUAL = 1e-6
+"""Hulls whose gains differ by this share of what is enough are equally good."""
 _SAMPLES = 120
 """Most skin points that are moved through a joint's range."""
 _CENTRES = 15
@@ -194,7 +197,7 @@ def band_hulls(body: Body, regions: Regions, joint: Joint, posed: FloatArray) ->
         _, corners, _ = split(skin, skin[..., 3] - low)
         corners, _, _ = split(corners, corners[..., 3] - high)
         try:
-            hull = convex_hull(corners[..., :3].reshape(-1, 3))
+            hull = convex_hull(to_nanometres(corners[..., :3].reshape(-1, 3)))
         except GeometryError:  # too little skin
             continue
         share = 0.5 * (low + high)
@@ -221,7 +224,7 @@ def choose_hulls(height: FloatArray, hulls: list[BandHull]) -> list[BandHull]:
             open_gaps(height) - open_gaps(np.minimum(height, c.height)) - _FAT * open_gaps(c.over)
             for c in candidates
         ]
-        best = int(np.argmax(gain))
+        best = first_least(np.negative(gain), _EQUAL * enough)
         if gain[best] < enough:
             break
         chosen.append(candidates.pop(best))

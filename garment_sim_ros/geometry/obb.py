@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray
+from garment_sim_ros.geometry.ties import facing, to_nanometres
 from garment_sim_ros.geometry.triangles import triangle_areas
 
 
@@ -46,9 +47,9 @@ def oriented_box(vertices: FloatArray, faces: IntArray) -> Box:
     # The integral of x x^T over a triangle: 9 parts at the middle, 1 at each corner, of 12.
     moments = 9.0 * np.einsum("f,fi,fj->ij", area, middle, middle)
     moments += np.einsum("f,fki,fkj->ij", area, corners, corners)
-    _, axes = np.linalg.eigh(moments / 12.0 - np.outer(mean, mean))
-    extent = np.ptp(vertices @ axes, axis=0)
-    axes = axes[:, np.argsort(extent)]
+    axes = facing(np.linalg.eigh(moments / 12.0 - np.outer(mean, mean))[1])
+    extent = to_nanometres(np.ptp(vertices @ axes, axis=0))
+    axes = axes[:, np.argsort(extent, kind="stable")]
     axes[:, 0] *= np.sign(np.linalg.det(axes))
     along = vertices @ axes
     low, high = along.min(axis=0), along.max(axis=0)

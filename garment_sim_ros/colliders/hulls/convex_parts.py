@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
 from garment_sim_ros.arrays import FloatArray, LongArray
+from garment_sim_ros.geometry.ties import facing, first_least
 from garment_sim_ros.jit import exact_kernel
 
 _OFFSETS = np.linspace(0.08, 0.92, 15)
@@ -22,6 +23,8 @@ _DIRECTIONS = 50
 """A volume is estimated from the farthest points in so many directions."""
 _TRIED = 4
 """Cuts that seem best and are made to see what they really save."""
+_EQUAL = 1e-7
+"""Cuts that save as much but for this share of a hull's volume are equally good."""
 _WELD_BITS = 20
 """Points that agree to this many bits of the surface's extent, per coordinate, are one."""
 
@@ -165,7 +168,7 @@ def _separate(surface: FloatArray, saving: float, most: int) -> list[FloatArray]
         totals = [_hull_volume(both.reshape(-1, 3)) for both in joined]
         costs = [total - volume - own for total, volume in zip(totals, volumes)]
         if groups and (len(groups) >= most or min(costs) <= saving):
-            k = int(np.argmin(costs))
+            k = first_least(costs, _EQUAL * own)
             groups[k], volumes[k] = joined[k], totals[k]
         else:
             groups.append(solid)
@@ -186,7 +189,7 @@ def _assess(surface: FloatArray, worth: float) -> _Part:
     if volume - abs(solid) <= worth:
         return _Part(surface, 0.0, np.zeros(4))
     mean = points.mean(axis=0)
-    _, axes = np.linalg.eigh((points - mean).T @ (points - mean))
+    axes = facing(np.linalg.eigh((points - mean).T @ (points - mean))[1])
     planes = np.array(
         [
             [*axis, low + share * (high - low)]
@@ -197,9 +200,9 @@ def _assess(surface: FloatArray, worth: float) -> _Part:
     )
     left = np.empty(len(planes))
     _estimate(points, corner, points @ _AROUND, planes, _AROUND, _BETWEEN, left)
-    likely = planes[np.argsort(left)[:_TRIED]]
+    likely = planes[np.argsort(np.round(left / (_EQUAL * volume)), kind="stable")[:_TRIED]]
     kept = [_kept(points, corner, plane) for plane in likely]
-    best = int(np.argmin(kept))
+    best = first_least(kept, _EQUAL * volume)
     return _Part(surface, volume - kept[best], likely[best])
 
 

@@ -21,6 +21,7 @@ from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.random_poses import random_poses
 from garment_sim_ros.colliders.report.fatness import Union
 from garment_sim_ros.contact.shapes import ColliderSet
+from garment_sim_ros.geometry.ties import to_nanometres
 from garment_sim_ros.geometry.transforms import invert_transform, transform_from, transform_points
 from garment_sim_ros.geometry.triangles import area_vectors
 
@@ -78,7 +79,7 @@ def grown(body: Body, made: Sequence[Made], settings: HullSettings) -> list[Made
         for at, points in _open_points(body, result, made, poses, bends, settings.delta).items():
             content = result[at].content
             assert content is not None
-            inner = convex_hull(np.vstack([content.inner.vertices, points]))
+            inner = convex_hull(np.vstack([content.inner.vertices, to_nanometres(points)]))
             result[at] = made_hull(content._replace(inner=inner), settings)
     return result
 

@@ -10,6 +10,7 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.exact import orientation
+from garment_sim_ros.geometry.ties import to_nanometres
 from garment_sim_ros.geometry.triangles import area_vectors
 
 _FLAT = 1e-4
@@ -72,7 +73,7 @@ def convex_hull(points: FloatArray) -> Hull:
     points = np.asarray(points, dtype=np.float64)
     if not np.isfinite(points).all():
         raise GeometryError("the points of a hull must be finite")
-    centred = points - points.mean(axis=0) if len(points) else points
+    centred = points - to_nanometres(points.mean(axis=0)) if len(points) else points
     if len(points) < 4:
         raise GeometryError(f"a hull needs 4 points; found {len(points)}")
     spread = np.linalg.svd(centred, compute_uv=False)

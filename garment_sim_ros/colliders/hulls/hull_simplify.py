@@ -28,6 +28,7 @@ from garment_sim_ros.colliders.hulls.hull_placement import (
     quadric_error,
 )
 from garment_sim_ros.errors import ParameterError
+from garment_sim_ros.geometry.ties import to_nanometres
 from garment_sim_ros.jit import exact_kernel
 
 _TRIANGLES_ONLY = 2
@@ -84,7 +85,8 @@ def _attempt(start: Hull, inner: Hull, how: Simplification, objective: int) -> H
     faces = start.faces.copy()
     count = len(start.vertices)
     x = np.empty((2 * count, 3))
-    x[:count] = (start.vertices - centre) / size
+    # Which of two equal triangles goes must not hang on the last digit.
+    x[:count] = to_nanometres((start.vertices - centre) / size)
     quadrics = np.zeros((len(x), 10))
     add_quadrics(x, faces, quadrics)
     limits = inner.planes.copy()
@@ -97,8 +99,8 @@ def _attempt(start: Hull, inner: Hull, how: Simplification, objective: int) -> H
         faces,
         face_neighbours(faces),
         Bounds(
-            inner=np.ascontiguousarray((inner.vertices - centre) / size),
-            limits=limits,
+            inner=np.ascontiguousarray(to_nanometres((inner.vertices - centre) / size)),
+            limits=to_nanometres(limits),
             touching=np.full((3 * len(faces), 4), np.nan),
             objective=objective,
         ),

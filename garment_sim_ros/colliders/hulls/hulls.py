@@ -48,6 +48,7 @@ from garment_sim_ros.contact.kinds.sphere import SPHERE
 from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.ties import to_nanometres
 from garment_sim_ros.geometry.transforms import transform_points
 from garment_sim_ros.params import declarations, validated
 
@@ -125,7 +126,7 @@ def _hulls_of_region(
     parts = convex_parts(surface, saving=saving, most=_MOST_PARTS)
     for k, part in enumerate(parts):
         name = bone if len(parts) == 1 else f"{bone}_{k}"
-        points = np.unique(part.reshape(-1, 3), axis=0)
+        points = np.unique(to_nanometres(part.reshape(-1, 3)), axis=0)
         try:
             inner = convex_hull(points)
             inner = thickened(inner, skin) if len(parts) > 1 else inner

@@ -12,11 +12,14 @@ from garment_sim_ros.colliders.hulls.convex_parts import lattice
 from garment_sim_ros.colliders.hulls.hull import Hull, convex_hull
 from garment_sim_ros.contact.cores import middle
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.ties import first_least, to_nanometres
 
 _THIN = 0.015
 """A hull whose core is nearer to its surface than this is thin [m]."""
 _WAYS = np.concatenate([f * lattice(50) for f in np.linspace(0.0, 0.06, 6)], axis=1)
 """Ways from the first side to the second that are tried [m], shape [3, w]."""
+_EQUAL = 1e-7
+"""Ways that lead to places as deep as each other but for so much [m] are equally good."""
 _SMALLER = 0.5
 """Size of the second side, as a share: it is to stay inside the body."""
 
@@ -31,6 +34,7 @@ def thickened(hull: Hull, skin: MeshDistance) -> Hull:
     if -float(hull.height(middle(hull.vertices)).max()) >= _THIN:
         return hull
     centre = hull.vertices.mean(axis=0)
-    way = _WAYS.T[int(np.argmin(skin.signed_distance(centre + _WAYS.T)[0]))]
-    second = centre + way + _SMALLER * (hull.vertices - centre)
+    depth = skin.signed_distance(centre + _WAYS.T)[0]
+    way = _WAYS.T[first_least(depth, _EQUAL)]
+    second = to_nanometres(centre + way + _SMALLER * (hull.vertices - centre))
     return convex_hull(np.concatenate([hull.vertices, second]))
