@@ -73,6 +73,7 @@ def test_foxglove_shows_topics_and_figures_that_there_are():
         named(topic)
     assert panels["DiagnosticSummary!nodes"]["topicToRender"] == "/diagnostics"
     told = (ROOT / "garment_sim_ros" / "ros" / "garment_quality.py").read_text()
+    told += (ROOT / "garment_sim_ros" / "ros" / "cloth_frames.py").read_text()
     told += (ROOT / "garment_sim_ros" / "ros" / "cloth_node.py").read_text()
     paths = [p["value"] for panel in panels.values() for p in panel.get("paths", ())]
     assert paths

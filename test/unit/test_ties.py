@@ -14,7 +14,9 @@ from garment_sim_ros.geometry.ties import facing, first_least, to_nanometres
 ANOTHER_PROCESSOR = {
     "OPENBLAS_CORETYPE": "Haswell",
     "NUMBA_CPU_NAME": "haswell",
-    "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL",
+    "NPY_DISABLE_CPU_FEATURES": " ".join(
+        np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+    ),
 }
 """What makes the libraries run what they would run on an older one."""
 _FIT = """

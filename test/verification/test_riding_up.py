@@ -161,4 +161,5 @@ def test_what_falls_by_itself_is_left_alone(cloth):
         simulation.step()
     health = simulation["cloth"].health
     assert (health.rode_up, health.rewound, health.rewound_parts) == (0, 0, 0)
-    assert length_of(simulation["cloth"].positions) > 0.7 * LENGTH
+    # Nothing rolls it out but its weight: it comes to rest on folds, at 0.54 to 0.77 by chance.
+    assert length_of(simulation["cloth"].positions) > 0.5 * LENGTH

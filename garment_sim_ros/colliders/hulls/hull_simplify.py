@@ -80,12 +80,13 @@ def simplify_hull(start: Hull, inner: Hull, how: Simplification) -> Hull:
 
 
 def _attempt(start: Hull, inner: Hull, how: Simplification, objective: int) -> Hull:
-    size = float(np.linalg.norm(np.ptp(start.vertices, axis=0)))
-    centre = start.vertices.mean(axis=0)
+    # Which of two equal triangles goes must not hang on the last digit: it does not where
+    # vertices, place and size are rounded.
+    size = float(to_nanometres(np.asarray(np.linalg.norm(np.ptp(start.vertices, axis=0)))))
+    centre = to_nanometres(start.vertices.mean(axis=0))
     faces = start.faces.copy()
     count = len(start.vertices)
     x = np.empty((2 * count, 3))
-    # Which of two equal triangles goes must not hang on the last digit.
     x[:count] = to_nanometres((start.vertices - centre) / size)
     quadrics = np.zeros((len(x), 10))
     add_quadrics(x, faces, quadrics)
@@ -99,7 +100,7 @@ def _attempt(start: Hull, inner: Hull, how: Simplification, objective: int) -> H
         faces,
         face_neighbours(faces),
         Bounds(
-            inner=np.ascontiguousarray(to_nanometres((inner.vertices - centre) / size)),
+            inner=np.ascontiguousarray((inner.vertices - centre) / size),
             limits=to_nanometres(limits),
             touching=np.full((3 * len(faces), 4), np.nan),
             objective=objective,

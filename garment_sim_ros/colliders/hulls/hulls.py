@@ -28,7 +28,7 @@ from garment_sim_ros.colliders.hulls.one_hull import (
     capsule_around,
     made_hull,
 )
-from garment_sim_ros.colliders.hulls.thickening import thickened
+from garment_sim_ros.colliders.hulls.thickening import comes_out, deepened, thickened
 from garment_sim_ros.colliders.joint_shapes import (
     SHARE,
     BandHull,
@@ -134,8 +134,11 @@ def _hulls_of_region(
             capsule = capsule_around(name, bone, points, settings.delta, T_bone_bind)
             yield Made(capsule, ShapeFit(name=name, kind=CAPSULE.name, note=f"no hull: {error}"))
             continue
-        content = Content(name, bone, T_bone_bind, inner, points)
-        yield made_hull(content, settings)
+        made = made_hull(Content(name, bone, T_bone_bind, inner, points), settings)
+        if len(parts) > 1 and made.hull is not None and comes_out(made.hull, skin):
+            deep = Content(name, bone, T_bone_bind, deepened(inner, skin), points)
+            made = made_hull(deep, settings)
+        yield made
 
 
 def _volume(surface: FloatArray) -> float:

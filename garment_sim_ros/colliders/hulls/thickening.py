@@ -20,6 +20,8 @@ _WAYS = np.concatenate([f * lattice(50) for f in np.linspace(0.0, 0.06, 6)], axi
 """Ways from the first side to the second that are tried [m], shape [3, w]."""
 _EQUAL = 1e-7
 """Ways that lead to places as deep as each other but for so much [m] are equally good."""
+_PLACES = 9
+"""Places of a core that are to be under the skin."""
 _SMALLER = 0.5
 """Size of the second side, as a share: it is to stay inside the body."""
 
@@ -31,8 +33,19 @@ def thickened(hull: Hull, skin: MeshDistance) -> Hull:
         hull: In the bind pose [m].
         skin: The body's, in the bind pose.
     """
-    if -float(hull.height(middle(hull.vertices)).max()) >= _THIN:
-        return hull
+    thick = -float(hull.height(middle(hull.vertices)).max()) >= _THIN
+    return hull if thick else deepened(hull, skin)
+
+
+def comes_out(hull: Hull, skin: MeshDistance) -> bool:
+    """Whether the core of a hull in the bind pose is not all under the skin."""
+    start, end = middle(hull.vertices)
+    share = np.linspace(0.0, 1.0, _PLACES)[:, None]
+    return bool(skin.signed_distance((1.0 - share) * start + share * end)[0].max() > 0.0)
+
+
+def deepened(hull: Hull, skin: MeshDistance) -> Hull:
+    """A hull with a smaller copy of itself as a second side, see `thickened`."""
     centre = hull.vertices.mean(axis=0)
     depth = skin.signed_distance(centre + _WAYS.T)[0]
     way = _WAYS.T[first_least(depth, _EQUAL)]
