@@ -8,7 +8,7 @@ from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.missing_bones import missing_bones_of
 from garment_sim_ros.cli.preset_options import add_preset_options
 from garment_sim_ros.cli.staging import staged
-from garment_sim_ros.colliders.fitting import fit_colliders
+from garment_sim_ros.colliders.fit_cache import cached_fit
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, read_outfit
@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if missing := missing_bones_of(body, "--bone-names"):
         print(missing)
     usual = validated(ColliderOptions, choice.values("collider_node", ColliderOptions))
-    colliders = fit_colliders(body, read_outfit(args.outfit).colliders_on(usual))
+    colliders = cached_fit(body, read_outfit(args.outfit).colliders_on(usual), args.body)
     group = SOLVERS[choice.solver].settings
     node = validated(ClothNodeParameters, choice.values("cloth_node", ClothNodeParameters))
     outfit = load_outfit(*(args.outfit, body), colliders=colliders, attachments=node.attachments)

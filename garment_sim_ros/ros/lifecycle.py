@@ -1,7 +1,6 @@
 """What all nodes share: lifecycle, parameters and diagnostics."""
 
 import dataclasses
-import gc
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
@@ -25,6 +24,7 @@ from garment_sim_ros.ros.diagnostics import Condition, Diagnostics, Rejections
 from garment_sim_ros.ros.handover import HandingPublisher
 from garment_sim_ros.ros.inputs import Input, Inputs
 from garment_sim_ros.ros.interfaces import advertise, advertise_always
+from garment_sim_ros.ros.memory import give_back
 from garment_sim_ros.ros.parameters import NodeParameters, set_on
 from garment_sim_ros.ros.place import ALONE, Place
 from garment_sim_ros.ros.rclpy_internals import (
@@ -324,8 +324,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
             else:
                 self.destroy_publisher(publisher)
         self._advertised.clear()
-        # What was loaded is large, and holds itself in circles.
-        gc.collect()
+        give_back()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Prepare; a file or parameter that is not allowed leaves the node unconfigured."""

@@ -1,7 +1,5 @@
 """Avatars as nodes of one process."""
 
-import ctypes
-import gc
 import math
 import os
 import time
@@ -18,6 +16,7 @@ from garment_sim_ros.mocap.sampling import rate_of
 from garment_sim_ros.params import ClothNodeParameters, MocapPlayerParameters
 from garment_sim_ros.ros.avatar_nodes import AvatarNodes
 from garment_sim_ros.ros.measurement import Measurement
+from garment_sim_ros.ros.memory import give_back
 from garment_sim_ros.ros.mocap_player import read_clip
 from garment_sim_ros.ros.own_context import own_context
 from garment_sim_ros.ros.process import prepare_process
@@ -104,9 +103,7 @@ class OneProcess:
     def remove(self, namespace: str) -> None:
         """End the nodes of an avatar; nothing of them is left."""
         self._end(self._avatars.pop(namespace))
-        # What it had is large, and holds itself in circles.
-        gc.collect()
-        _give_back_memory()
+        give_back()
 
     def _end(self, avatar: AvatarNodes) -> None:
         self._measurement.drop(avatar)
@@ -142,13 +139,6 @@ class OneProcess:
     def figures(self) -> dict[str, Any]:
         """What was measured so far; see `Measurement`."""
         return self._measurement.figures()
-
-
-def _give_back_memory() -> None:
-    """Free memory goes back to the system where the C library does that when asked."""
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-    if trim is not None:
-        trim(0)
 
 
 def in_step(
