@@ -22,7 +22,7 @@ _FIRST = 40
 """Rounds after which a node has what it keeps."""
 _FEW = 10
 """The memory of so many rounds is compared: garments that are just being made come and go."""
-_GROWTH = 24.0
+_GROWTH = 4.0
 """Allowed from then on, however many rounds [MiB]."""
 
 
