@@ -1,9 +1,8 @@
 """One rule for late frames, with a clock and a hold-up that the test sets."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
+from ros_input.clock import Clock
 
 from garment_sim_ros.lateness import LateFrames, late_of
 
@@ -12,26 +11,10 @@ RATE = 50.0
 PERIOD = round(SECOND / RATE)
 
 
-class Clock:
-    """A node whose clock the test moves."""
-
-    def __init__(self):
-        self.time = 10**18 + 12_345
-
-    def now(self):
-        return SimpleNamespace(nanoseconds=self.time)
-
-    def get_clock(self):
-        return self
-
-    def get_parameter(self, name):
-        return SimpleNamespace(value=False)
-
-
 def held_up(*holds, before=0):
     """Late frames of a ticker each of whose frames is held up for a time [ns]."""
     ticker_of = pytest.importorskip("garment_sim_ros.ros.ticker").Ticker
-    clock, late, told, holds = Clock(), LateFrames(), [], list(holds)
+    clock, late, told, holds = Clock(10**18 + 12_345), LateFrames(), [], list(holds)
 
     def frame(due, ticks):
         late.begin(due, PERIOD, ticks - 1)

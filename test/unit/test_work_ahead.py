@@ -3,14 +3,16 @@
 Poses come every hundredth of a second, some time after their stamps; frames are due in between.
 """
 
-from types import SimpleNamespace
-
 import pytest
 
 pytest.importorskip("rclpy")
+from ros_input.clock import Clock
+
 import garment_sim_ros as gs
 from garment_sim_ros.lateness import LateFrames
+from garment_sim_ros.ros import rclpy_internals
 from garment_sim_ros.ros.cloth_stepper import ClothStepper
+from garment_sim_ros.ros.rclpy_internals import Taken
 from garment_sim_ros.ros.ticker import Ticker
 from garment_sim_ros.sim.simulation import Simulation
 
@@ -19,27 +21,11 @@ PERIOD = SECOND // 100
 UNDERWAY = PERIOD // 10
 
 
-class Clock:
-    """A node whose clock the test moves."""
-
-    def __init__(self):
-        self.time = 10**15
-
-    def now(self):
-        return SimpleNamespace(nanoseconds=self.time)
-
-    def get_clock(self):
-        return self
-
-    def get_parameter(self, name):
-        return SimpleNamespace(value=False)
-
-
 class Node:
     """What `ClothNode` does in a frame, on that clock; the solver takes as long as one says."""
 
     def __init__(self, *, ahead=True, phase=0.5, solver=0.0, delay=-1.0, steps=1, every=1.0):
-        self.clock, self.solver, self.every = Clock(), round(solver * PERIOD), every
+        self.clock, self.solver, self.every = Clock(10**15), round(solver * PERIOD), every
         colliders = gs.ColliderSet.of(gs.sphere(0.1))
         simulation = Simulation(
             gs.Garment.sheet(0.2, 0.2, edge=0.1, at=(0.0, 0.0, 0.12)),
@@ -180,3 +166,10 @@ def test_steps_of_a_third_of_a_period_leave_nothing_over():
         stepper.add(stamp, stepper.simulation.collider_set.poses(), stamp)
         stepper.advance(stamp)
         assert 0 <= stamp - stepper.time < 1000
+
+
+def test_a_message_is_as_old_as_the_middleware_says_unless_the_clock_was_set(monkeypatch):
+    now = 10**18
+    monkeypatch.setattr(rclpy_internals.time, "time_ns", lambda: now)
+    ages = {0: 0, now - 5_000_000: 5_000_000, now + 1: 0, now - 11 * SECOND: 0}
+    assert {received: Taken(b"", b"", received).age() for received in ages} == ages
