@@ -1,7 +1,7 @@
 """The colliders in a step and in its sub-steps, the same for all garments."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -41,6 +41,7 @@ class ColliderState:
         still: Whether nothing moves in the step.
         goes_on: Whether the step starts with the poses that the last one ended with.
         way: The same arrays for kernels; None before the first step.
+        ways: The same by sub-steps for each search: steps in parts have several in turn.
         code: Machine code of `world.path`.
     """
 
@@ -62,6 +63,7 @@ class ColliderState:
     still: bool = True
     goes_on: bool = False
     way: Way | None = None
+    ways: dict[int, Way] = field(default_factory=dict)
     code: tuple[Callable[..., Any], Callable[..., Any]] | None = None
 
     @classmethod
@@ -115,11 +117,14 @@ class ColliderState:
         Args:
             search_every: Sub-steps for each search for contacts.
         """
-        if self.way is None or len(self.path.position) != search_every:
-            self.path = Path.room_for(search_every, len(self.start.position))
-            self.way = self._way()
+        if search_every not in self.ways:
+            self.ways[search_every] = self._way(
+                Path.room_for(search_every, len(self.start.position))
+            )
+        self.way = self.ways[search_every]
+        self.path = self.way.path
+        if self.code is None:
             self.code = compiled(follow, self.way, 0, 1, 1, True), compiled(begin, self.way)
-        assert self.code is not None
         self.still, self.goes_on = self.code[1](self.way)
 
     def move(self, first: int, last: int, count: int, searches: bool) -> None:
@@ -141,14 +146,14 @@ class ColliderState:
         if len(self.refit):
             self.refit.pose(self.now, self.origin, self.shapes, self.posed)
 
-    def _way(self) -> Way:
+    def _way(self, path: Path) -> Way:
         return Way(
             start=Poses.of(self.start),
             end=Poses.of(self.end),
             before=Poses.of(self.before),
             now=Poses.of(self.now),
             searched=Poses.of(self.searched),
-            path=self.path,
+            path=path,
             shapes=Bounds.of(self.shapes),
             origin=self.origin,
             posed=self.posed,

@@ -1,5 +1,7 @@
 """Steps of a node that follow each other are one of the simulation, as far as a solver allows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from garment_sim_ros.params import ClothNodeParameters
 from garment_sim_ros.ros.cloth_stepper import ClothStepper
 from garment_sim_ros.sim.solvers import SOLVERS, longest_step
 from garment_sim_ros.sim.solvers.xpbd import workspace
+from garment_sim_ros.sim.solvers.xpbd.given import Given
 
 SECOND = 10**9
 COLLIDERS = gs.ColliderSet.of(gs.sphere(0.1))
@@ -77,6 +80,36 @@ def test_sub_steps_are_as_long_in_a_part_of_a_frame_and_nothing_is_prepared_anew
         assert not prepared
     made.advance(pose_at(0), pose_at(0), 0.0167)
     assert prepared
+
+
+def test_what_is_kept_for_several_kinds_of_steps_is_what_each_would_be_given_anew(monkeypatch):
+    """Cloth is the same to the bit, with steps of several lengths, levels and winds in turn."""
+    coarser = {"sub_step": 1 / 540, "search_every": 9}
+
+    def cloth():
+        made, seen, body = simulation(), [], pose_at(0)
+        usual, wind = made.parameters, replace(made.parameters.environment, wind=(3.0, 0.0, 0.0))
+        kinds = [usual, replace(usual, settings=replace(usual.settings, **coarser))]
+        kinds.append(usual.in_environment(wind))
+        made.step(body)
+        for n in range(60):
+            made.parameters = kinds[n // 20]
+            at = pose_at(round((n + 1) * SECOND / 60))
+            made.advance(body, at, (1 / 180, 2 / 180, 0.013, 1 / 60, 1 / 180)[n % 5])
+            body = at
+            seen.append(made["sheet"].positions.copy())
+        return seen
+
+    kept, prepare = cloth(), workspace.XpbdWorkspace.prepare
+
+    def prepare_anew(self, *of):
+        self.prepared_for, self.bent_for = (0.0, 0.0, *self.prepared_for[2:]), (0.0, 0.0)
+        prepare(self, *of)
+
+    monkeypatch.setattr(workspace.XpbdWorkspace, "prepare", prepare_anew)
+    monkeypatch.setattr(Given, "fits", lambda self, step: False)
+    for one, other in zip(kept, cloth(), strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_where_much_is_due_several_are_one_and_coarser():

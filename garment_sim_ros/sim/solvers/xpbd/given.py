@@ -180,3 +180,10 @@ class Given(NamedTuple):
     rule: Rule
     to_solve: tuple[Particles, Elastic, Frames, Planes, Rule]
     to_meet: tuple[Particles, Bodies, Prepared, Planes, Rule]
+
+    def fits(self, step: Step) -> bool:
+        """Whether it is for steps such as this one, however many sub-steps it has."""
+        return (
+            self.path is step.colliders.path
+            and self.step._replace(sub_steps=step.sub_steps) == step
+        )

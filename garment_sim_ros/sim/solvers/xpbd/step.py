@@ -51,7 +51,7 @@ def begin(piece: Piece, step: Step) -> bool:
     """Makes ready for a step; tells whether the contacts of the step before still hold."""
     workspace, colliders = _workspace(piece), step.colliders
     given = workspace.given
-    if given is None or given.step != step or given.path is not colliders.path:
+    if given is None or not given.fits(step):
         workspace.given = given = _given(piece, workspace, step)
     assert workspace.code is not None
     workspace.known = bool(workspace.code[0](given.own, given.rule, colliders.goes_on))
@@ -107,6 +107,9 @@ def _given(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Given:
         *(piece.model, step.dt, rate, step.search_every, coarse),
         settings.membrane == TRIANGLES,
     )
+    known = workspace.all_given.get(step.search_every)
+    if known is not None and known.fits(step):
+        return known
     own, elastic, planes = _own(piece, workspace)
     frames, bodies = _around(workspace, step.colliders)
     rule = _rule(piece, workspace, step)
@@ -118,6 +121,7 @@ def _given(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Given:
         to_solve=(own, elastic, frames, planes, rule),
         to_meet=(own, bodies, elastic.ready, planes, rule),
     )
+    workspace.all_given[step.search_every] = given
     if workspace.code is None:
         workspace.code = (
             compiled(sub_steps.begin, own, rule, True),
@@ -188,12 +192,13 @@ def _rule(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Rule:
     """Numbers of a step."""
     model, settings = piece.model, step.params.settings
     held = model.free_count < len(model) or workspace.limited
+    pull = np.zeros(3, np.float32)
     friction = np.float32(model.material.friction)
     return Rule(
         free=model.free_count,
         dt=np.float32(step.dt),
-        keep=np.float32(outer_forces(model, step.params, step.dt, workspace.push)),
-        pull=workspace.push,
+        keep=np.float32(outer_forces(model, step.params, step.dt, pull)),
+        pull=pull,
         thickness=np.float32(max(model.material.thickness, step.colliders.thickness)),
         friction=friction,
         held_friction=friction if held else np.float32(0.0),

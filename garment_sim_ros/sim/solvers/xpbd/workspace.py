@@ -50,9 +50,10 @@ class XpbdWorkspace(Workspace):
         prepared: What the sub-steps need, for one length of them.
         coarse: A coarse level of the edges, for the same, where it is asked for.
         threads: What it is made of; None where there is none.
-        prepared_for: That length [s], the rate of damping [1/s], the sub-steps for each search for
-            contacts, whether there is a coarse level, and whether triangles act instead of
-            springs.
+        prepared_for: That length [s], the rate of damping [1/s], whether there is a coarse level,
+            and whether triangles act instead of springs.
+        bent_for: Time between passes over the hinges [s] and rate of damping [1/s] that the hinges
+            are prepared for.
         bend_every: Sub-steps for each pass over the hinges, see `prepare`.
         place: Points of the planes in which particles touch shapes [m], shape [free, 3].
         shift: How far those move in a sub-step [m], shape [free, 3].
@@ -65,7 +66,8 @@ class XpbdWorkspace(Workspace):
         flags: See `solvers.xpbd.given.Particles`, shape [2].
         known: Whether the contacts of the step before still held when this one began.
         has_planes: Whether the last sub-step began with planes of a search.
-        given: What the kernels are given in steps of one kind; None before the first one.
+        given: What the kernels are given; None before the first step.
+        all_given: The same by sub-steps for each search: steps in parts have several in turn.
         code: Machine code of the kernels of `sub_steps`, in order; None before the first step.
     """
 
@@ -79,7 +81,8 @@ class XpbdWorkspace(Workspace):
     prepared: Prepared
     coarse: CoarseLevel
     threads: Threads | None
-    prepared_for: tuple[float, float, int, bool, bool]
+    prepared_for: tuple[float, float, bool, bool]
+    bent_for: tuple[float, float]
     bend_every: int
     place: SingleArray
     shift: SingleArray
@@ -93,6 +96,7 @@ class XpbdWorkspace(Workspace):
     known: bool
     has_planes: bool
     given: Given | None
+    all_given: dict[int, Given]
     code: tuple[Callable[..., Any], ...] | None
 
     @classmethod
@@ -123,7 +127,8 @@ class XpbdWorkspace(Workspace):
             ),
             coarse=CoarseLevel.none(),
             threads=None,
-            prepared_for=(0.0, 0.0, 0, False, False),
+            prepared_for=(0.0, 0.0, False, False),
+            bent_for=(0.0, 0.0),
             bend_every=1,
             place=np.zeros((model.free_count, 3), np.float32),
             shift=np.zeros((model.free_count, 3), np.float32),
@@ -137,6 +142,7 @@ class XpbdWorkspace(Workspace):
             known=False,
             has_planes=False,
             given=None,
+            all_given={},
             code=None,
         )
 
@@ -167,29 +173,16 @@ class XpbdWorkspace(Workspace):
             coarse: Whether there shall be a coarse level.
             triangles: Whether triangles act instead of springs.
         """
-        prepared_for = (dt, rate, search_every, coarse, triangles)
-        if self.prepared_for == prepared_for:
-            return
-        keep = 1.0 / (1.0 + dt * rate)
-        self.springs.prepare(model.inverse_mass, keep, dt)
-        if triangles != self.prepared_for[4]:
-            self._take(model, triangles)
-        if triangles:
-            assert self.bands is not None
-            assert self.shapes is not None
-            self.bands.prepare(model.inverse_mass, keep, dt)
-            self.shapes.prepare(model.inverse_mass, keep, dt)
-        if coarse != self.prepared_for[3]:
-            edges = self.springs.ready.particles.reshape(-1, 2).astype(np.int32)
-            level = coarse_level(model, edges) if coarse else None
-            self.coarse, self.threads = level or (CoarseLevel.none(), None)
-        if self.threads is not None:
-            prepare_cells(self.coarse, self.threads, keep, dt)
-        ready = self.prepared
+        if self.prepared_for != (dt, rate, coarse, triangles):
+            self._prepare_stretch(model, dt, rate, coarse, triangles)
+            self.prepared_for = (dt, rate, coarse, triangles)
         fastest = float(self.hinge_rate.max(initial=0.0))
         divisors = (n for n in range(search_every, 1, -1) if search_every % n == 0)
         self.bend_every = next((n for n in divisors if n * dt * fastest <= _SWING), 1)
         time = dt * self.bend_every
+        if self.bent_for == (time, rate):
+            return
+        ready = self.prepared
         swing = np.maximum(time * self.hinge_rate, _STIFFEST)
         prepare_hinges(
             ready.hinge_particles,
@@ -200,7 +193,27 @@ class XpbdWorkspace(Workspace):
             time,
             ready.hinges,
         )
-        self.prepared_for = prepared_for
+        self.bent_for = (time, rate)
+
+    def _prepare_stretch(
+        self, model: ClothModel, dt: float, rate: float, coarse: bool, triangles: bool
+    ) -> None:
+        """What acts along the cloth, see `prepare`."""
+        keep = 1.0 / (1.0 + dt * rate)
+        self.springs.prepare(model.inverse_mass, keep, dt)
+        if triangles != self.prepared_for[3]:
+            self._take(model, triangles)
+        if triangles:
+            assert self.bands is not None
+            assert self.shapes is not None
+            self.bands.prepare(model.inverse_mass, keep, dt)
+            self.shapes.prepare(model.inverse_mass, keep, dt)
+        if coarse != self.prepared_for[2]:
+            edges = self.springs.ready.particles.reshape(-1, 2).astype(np.int32)
+            level = coarse_level(model, edges) if coarse else None
+            self.coarse, self.threads = level or (CoarseLevel.none(), None)
+        if self.threads is not None:
+            prepare_cells(self.coarse, self.threads, keep, dt)
 
     def _take(self, model: ClothModel, triangles: bool) -> None:
         """Has triangles, with bands, or springs act."""
