@@ -3,14 +3,15 @@
 import dataclasses
 
 from garment_sim_ros.collider_params import ColliderOptions as ColliderOptions
-from garment_sim_ros.constants import FALL, USUAL_STEP
-from garment_sim_ros.declaration import Needs, needs, needs_any
+from garment_sim_ros.constants import USUAL_STEP
+from garment_sim_ros.declaration import Needs, needs
 from garment_sim_ros.declaration import checked as checked
 from garment_sim_ros.declaration import declarations as declarations
 from garment_sim_ros.declaration import idle as idle
 from garment_sim_ros.declaration import markdown_table as markdown_table
 from garment_sim_ros.declaration import parameter as parameter
 from garment_sim_ros.declaration import validated as validated
+from garment_sim_ros.outer_force_params import Environment as Environment
 from garment_sim_ros.solver_params import ImplicitSettings as ImplicitSettings
 from garment_sim_ros.solver_params import RelaxationSettings as RelaxationSettings
 from garment_sim_ros.solver_params import XpbdSettings as XpbdSettings
@@ -65,86 +66,6 @@ class Material:
     )
 
 
-_AIR = needs_any("wind_drag", "wind_lift")
-_GUSTS = (needs_any("gust"), _AIR)
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Environment:
-    """Outer forces on all garments."""
-
-    gravity: tuple[float, ...] = parameter(
-        FALL, "Gravity in the world frame.", unit="m/s^2", minimum=-1e4, maximum=1e4
-    )
-    wind: tuple[float, ...] = parameter(
-        (0.0, 0.0, 0.0),
-        "Wind velocity in the world frame.",
-        unit="m/s",
-        minimum=-200.0,
-        maximum=200.0,
-    )
-    wind_drag: float = parameter(
-        0.0,
-        "Drag coefficient of a triangle across the wind; cloth has about 1.2. 0: none.",
-        minimum=0.0,
-        maximum=10.0,
-    )
-    wind_lift: float = parameter(
-        0.0,
-        "Lift coefficient of a triangle; cloth has about 0.4. 0: none.",
-        minimum=0.0,
-        maximum=10.0,
-    )
-    gust: float = parameter(
-        0.0,
-        "Root mean square speed of the noise that is added to the wind.",
-        unit="m/s",
-        minimum=0.0,
-        maximum=200.0,
-        needs=(_AIR,),
-    )
-    gust_shortest: float = parameter(
-        0.3, "Shortest wavelength of the noise.", unit="m", minimum=0.01, maximum=1e3, needs=_GUSTS
-    )
-    gust_longest: float = parameter(
-        3.0, "Longest wavelength of the noise.", unit="m", minimum=0.01, maximum=1e3, needs=_GUSTS
-    )
-    gust_change: float = parameter(
-        0.5,
-        "Rate at which the noise changes with time, apart from its drift with the wind.",
-        unit="1/s",
-        minimum=0.0,
-        maximum=100.0,
-        needs=_GUSTS,
-    )
-    gust_waves: int = parameter(
-        24, "Number of plane waves in the noise.", minimum=1, maximum=512, needs=_GUSTS
-    )
-    gust_divergence_free: bool = parameter(
-        True, "Make the noise divergence-free, so that no air appears or vanishes.", needs=_GUSTS
-    )
-    gust_seed: int = parameter(
-        1,
-        "Seed of the noise; equal seeds give equal noise.",
-        minimum=0,
-        maximum=2**31 - 1,
-        needs=_GUSTS,
-    )
-    root_linear_inertia: float = parameter(
-        1.0,
-        "Fraction of the root's translation that the cloth feels. 1: simulation in the world; "
-        "0: simulation relative to the body, as in the first paper.",
-        minimum=0.0,
-        maximum=1.0,
-    )
-    root_angular_inertia: float = parameter(
-        1.0,
-        "Fraction of the root's rotation that the cloth feels; see root_linear_inertia.",
-        minimum=0.0,
-        maximum=1.0,
-    )
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LifecycleParameters:
     """Parameters of every node."""
@@ -156,6 +77,17 @@ class LifecycleParameters:
     )
     autostart: bool = parameter(
         True, "Configure and activate at the start, without a lifecycle manager."
+    )
+
+
+def _realtime_priority() -> int:
+    """Declares it for a node that keeps a time."""
+    return parameter(
+        1,
+        "Real-time priority (round robin) of the thread that works at a rate, where the system "
+        "grants one; 0: none. While that thread uses most of a core it has none.",
+        minimum=0,
+        maximum=99,
     )
 
 
@@ -269,6 +201,7 @@ class ColliderNodeParameters(ColliderOptions, _Avatar):
         "hips",
         "Name of the hips' frame on /tf, behind the namespace; empty: none. Needs tf2_msgs.",
     )
+    realtime_priority: int = _realtime_priority()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -397,3 +330,4 @@ class ClothNodeParameters:
         maximum=1e6,
     )
     frame_id: str = parameter("world", "Frame of poses and garments, z up.")
+    realtime_priority: int = _realtime_priority()

@@ -57,6 +57,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
 
     def __init__(self, place: Place = ALONE) -> None:
         super().__init__("cloth_node", ClothNodeParameters, place)
+        self.realtime_priority = self.parameters.realtime_priority
         self._environment = self.declare(
             Environment,
             check=lambda environment: self._try(environment, self._settings.values),

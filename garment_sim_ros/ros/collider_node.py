@@ -55,6 +55,7 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
 
     def __init__(self, place: Place = ALONE) -> None:
         super().__init__("collider_node", ColliderNodeParameters, place)
+        self.realtime_priority = self.parameters.realtime_priority
         self._still_reading: Thread | None = None
         self._avatar: PosedAvatar | None = None
         self._channels: JointChannels | None = None

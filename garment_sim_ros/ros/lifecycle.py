@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 
 from garment_sim_ros.errors import GarmentSimError, MessageError, ParameterError
+from garment_sim_ros.going_first import how_it_goes
 from garment_sim_ros.nodes import NODES
 from garment_sim_ros.params import LifecycleParameters, idle
 from garment_sim_ros.presets import preset_values
@@ -67,7 +68,10 @@ class ManagedNode(LifecycleNode, Generic[Group]):
         failure: Why configuring failed, None if it did not.
         ticker: Makes the node's calls at a fixed rate, None where there are none.
         inputs: What it takes in, in this order.
+        realtime_priority: Of the thread that it works in, see `going_first`; 0: none.
     """
+
+    realtime_priority = 0
 
     _groups: tuple[NodeParameters[Any], ...] = ()
     _usual: Mapping[str, Any] = MappingProxyType({})
@@ -282,6 +286,9 @@ class ManagedNode(LifecycleNode, Generic[Group]):
     def _condition(self) -> Condition:
         """The node's own, and what is wrong with its time or its inputs."""
         condition = self.condition()
+        if self.realtime_priority:
+            values = {**condition.values, "goes": how_it_goes()}
+            condition = dataclasses.replace(condition, values=values)
         simulated = bool(self.get_parameter("use_sim_time").value)
         if simulated and self.state == "active" and not self.get_clock().now().nanoseconds:
             return dataclasses.replace(condition, text="waits for /clock", well=False)

@@ -7,6 +7,7 @@ from typing import Any
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
+from garment_sim_ros.going_first import go_first
 from garment_sim_ros.ros.lifecycle import ManagedNode
 from garment_sim_ros.ros.rclpy_internals import Ready, run_ready
 from garment_sim_ros.stamps import SECOND
@@ -53,6 +54,7 @@ class NodeTurns:
 
     def turn(self) -> None:
         """Take what has come, tick what is due, look now and then."""
+        go_first(max(node.realtime_priority for node in self._nodes))
         for node in self._nodes:
             node.attend()
             if node.ticker is None:

@@ -17,6 +17,7 @@ from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode
 from rclpy.timer import Timer
 
+from garment_sim_ros.going_first import go_first
 from garment_sim_ros.ros.rclpy_internals import run_ready
 from garment_sim_ros.stamps import SECOND
 
@@ -177,6 +178,10 @@ class Spun(Protocol):
         """The node's context."""
 
     @property
+    def realtime_priority(self) -> int:
+        """See `going_first.go_first`."""
+
+    @property
     def mostly(self) -> Waits | None:
         """What the node mostly waits for at the moment, if there is such a thing."""
 
@@ -192,6 +197,7 @@ def spin(executor: Executor, node: Spun) -> None:
     """
     looked = 0
     while node.context.ok():
+        go_first(node.realtime_priority)
         node.attend()
         current = node.mostly
         if current is None:
