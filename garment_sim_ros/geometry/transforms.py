@@ -95,10 +95,15 @@ def interpolate_poses(
         orientation_a: Unit quaternions at s = 0, shape [n, 4].
         position_b: Positions at s = 1 [m], shape [n, 3].
         orientation_b: Unit quaternions at s = 1, shape [n, 4].
-        s: Interpolation parameter in [0, 1].
+        s: Interpolation parameter in [0, 1]. At 0 and 1 what comes out is that of one pose alone,
+            to the last digit: where one way ends the next one begins.
         position: Output positions [m], shape [n, 3].
         orientation: Output unit quaternions, shape [n, 4].
     """
+    if s >= 1.0:
+        position_a, orientation_a, s = position_b, orientation_b, 0.0
+    if s <= 0.0:
+        position_b, orientation_b = position_a, orientation_a
     for i in range(position_a.shape[0]):
         for k in range(3):
             position[i, k] = position_a[i, k] + s * (position_b[i, k] - position_a[i, k])

@@ -40,6 +40,22 @@ def test_interpolated_poses(seed, s):
 
 @given(st.integers(0, 10**6))
 @settings(derandomize=True, deadline=None, max_examples=20)
+def test_ways_that_follow_each_other_meet_to_the_last_digit(seed):
+    rng = np.random.default_rng(seed)
+    p, q = rng.normal(size=(3, 6, 3)), rng.normal(size=(3, 6, 4))
+    q /= np.linalg.norm(q, axis=2, keepdims=True)
+    q[:, :3] = q[:, :3].astype(np.float32)  # as a message may have them
+    ends = []
+    for way, s in ((0, 1.0), (1, 0.0)):
+        at, turned = np.zeros((6, 3)), np.zeros((6, 4))
+        interpolate_poses(p[way], q[way], p[way + 1], q[way + 1], s, at, turned)
+        ends.append((at, turned))
+    for one, other in zip(*ends, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@given(st.integers(0, 10**6))
+@settings(derandomize=True, deadline=None, max_examples=20)
 def test_rotations(seed):
     rng = np.random.default_rng(seed)
     a, b = Rotation.random(2, rng)

@@ -224,3 +224,18 @@ def test_a_step_allocates_nothing_that_grows_with_the_garment(cloth):
     # One float32 array of the large garment's positions has 43,200 bytes.
     assert small[1] < 10_000
     assert large[1] < 10_000
+
+
+def test_a_step_begins_with_the_contacts_of_the_one_before_unless_the_body_jumps(flag):
+    """Poses are the same where one step ends and the next one begins, to the last digit."""
+    _, simulation = flag
+    way = [
+        posed((0.1 + 0.013 * n, 0.07 * n, 0.3 / (n + 1)), turn=0.11 * n, count=2)
+        for n in range(20)
+    ]
+    simulation.reset(way[0])
+    for start, end in pairwise(way):
+        simulation.advance(start, end, 1 / 60)
+        assert simulation.collider_state.goes_on
+    simulation.advance(way[3], way[4], 1 / 60)
+    assert not simulation.collider_state.goes_on

@@ -5,10 +5,12 @@ come back by itself. Each vertex may be held within some distance of where it wo
 followed the bones as skin does; within that distance nothing acts on it.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray
-from garment_sim_ros.jit import kernel
+from garment_sim_ros.jit import compiled, kernel
 from garment_sim_ros.sim.holds.constraint import SkinLimit
 from garment_sim_ros.sim.holds.skin_places import SkinPlaces
 from garment_sim_ros.sim.placement import GarmentLike
@@ -30,24 +32,26 @@ class DistanceLimit(SkinLimit):
         self._places = places
         self._workspace = workspace
         self._limit = places.of(distance)
+        self._code: Callable[..., int] | None = None
 
     def hold(self, state: State, left: float, dt: float) -> int:
         """Takes back what has gone too far, and the velocity that leads on."""
         at, contacts = self._places, self._workspace.contacts
-        return int(
-            hold(
-                state.x,
-                state.v,
-                self._workspace.x_start,
-                contacts.shape,
-                contacts.normal,
-                at.place,
-                at.velocity,
-                np.float32(left),
-                np.float32(dt),
-                self._limit,
-            )
+        given = (
+            state.x,
+            state.v,
+            self._workspace.x_start,
+            contacts.shape,
+            contacts.normal,
+            at.place,
+            at.velocity,
+            np.float32(left),
+            np.float32(dt),
+            self._limit,
         )
+        if self._code is None:
+            self._code = compiled(hold, *given)
+        return int(self._code(*given))
 
 
 @kernel()
