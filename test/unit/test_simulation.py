@@ -229,10 +229,9 @@ def test_a_step_allocates_nothing_that_grows_with_the_garment(cloth):
 def test_a_step_begins_with_the_contacts_of_the_one_before_unless_the_body_jumps(flag):
     """Poses are the same where one step ends and the next one begins, to the last digit."""
     _, simulation = flag
-    way = [
-        posed((0.1 + 0.013 * n, 0.07 * n, 0.3 / (n + 1)), turn=0.11 * n, count=2)
-        for n in range(20)
-    ]
+    rng = np.random.default_rng(1)
+    places = np.cumsum(rng.normal(scale=0.02, size=(40, 3)), axis=0)
+    way = [posed(at, turn=0.11 * n, count=2) for n, at in enumerate(places)]
     simulation.reset(way[0])
     for start, end in pairwise(way):
         simulation.advance(start, end, 1 / 60)
