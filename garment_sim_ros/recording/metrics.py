@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.crossings import find_hits
+from garment_sim_ros.geometry.locality import near_together
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import mesh_topology, vertex_normals
 from garment_sim_ros.geometry.triangles import triangle_areas
@@ -37,6 +38,7 @@ class GarmentMesh:
         rest_length: Lengths of the edges at rest [m], shape [e].
         rest_area: Areas of the triangles at rest [m^2], shape [t].
         samples_of_triangle: Which `samples` lie on each triangle, shape [t, 7].
+        near: The triangles in an order in which those in a row are near each other, shape [t, 3].
     """
 
     vertices: int
@@ -45,6 +47,7 @@ class GarmentMesh:
     rest_length: FloatArray
     rest_area: FloatArray
     samples_of_triangle: IntArray
+    near: IntArray
 
     @classmethod
     def from_rest(cls, vertices: FloatArray, triangles: IntArray) -> "GarmentMesh":
@@ -65,6 +68,7 @@ class GarmentMesh:
             rest_length=_lengths(vertices, edges),
             rest_area=triangle_areas(vertices, triangles),
             samples_of_triangle=np.concatenate([triangles, v + side, v + e + middle], axis=1),
+            near=near_together(vertices, triangles),
         )
 
     def samples(self, x: FloatArray) -> FloatArray:
@@ -165,9 +169,25 @@ class ClothMeter:
 
 def crossed(mesh: GarmentMesh, x: FloatArray, other: GarmentMesh, y: FloatArray) -> float:
     """Share of a garment's edges that run through another garment."""
-    edge, at = np.empty(len(mesh.edges), np.int32), np.empty(len(mesh.edges))
-    count = find_hits(x[mesh.edges], y, other.triangles, edge, at)
-    return len(np.unique(edge[: min(count, len(edge))])) / max(len(mesh.edges), 1)
+    # Garments meet in a small part of each: the rest need not be looked at.
+    ends = x[mesh.edges]
+    ends = ends[_meets(ends, y)]
+    triangles = other.near[_meets(y[other.near], ends.reshape(-1, 3))]
+    edge, at = np.empty(len(ends), np.int32), np.empty(len(ends))
+    count = find_hits(ends, y, triangles, edge, at)
+    while count > len(edge):  # one edge may run through many triangles
+        edge, at = np.empty(count, np.int32), np.empty(count)
+        find_hits(ends, y, triangles, edge, at)
+    return len(np.unique(edge[:count])) / max(len(mesh.edges), 1)
+
+
+def _meets(simplices: FloatArray, points: FloatArray) -> NDArray[np.bool_]:
+    """Which simplices, shape [n, k, 3], have a box that meets that of points, shape [m, 3]."""
+    if not len(points):
+        return np.zeros(len(simplices), bool)
+    low, high = points.min(axis=0), points.max(axis=0)
+    beyond = (simplices.max(axis=1) < low) | (simplices.min(axis=1) > high)
+    return ~beyond.any(axis=1)
 
 
 def _statistic(parts: Sequence[NDArray[np.float32]], percent: float, scale: float) -> float | None:

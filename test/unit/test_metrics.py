@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh, rate
+from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh, crossed, rate
 
 
 @pytest.fixture
@@ -104,6 +104,43 @@ def test_a_garment_that_shows_through_another_is_crossed(body):
     edges = int((meshes["coat"].edges == 5).any(axis=1).sum())
     expected = edges / len(meshes["coat"].edges)
     assert meter.result()["crossed_p99"] == pytest.approx(expected, rel=0.1)
+
+
+def every_edge_through_every_triangle(x, edges, y, triangles):
+    """Share of the edges for which some triangle separates the ends and is met between them."""
+    through = 0
+    for start, end in x[edges]:
+        a, b, c = y[triangles].transpose(1, 0, 2)
+        way = end - start
+        normal = np.cross(b - a, c - a)
+        s = ((a - start) * normal).sum(axis=1) / (way * normal).sum(axis=1)
+        at = start + s[:, None] * way
+        inside = [
+            (np.cross(v - u, at - u) * normal).sum(axis=1) >= 0.0
+            for u, v in ((a, b), (b, c), (c, a))
+        ]
+        through += bool(((s >= 0.0) & (s <= 1.0) & np.all(inside, axis=0)).any())
+    return through / len(edges)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.12, 0.9])
+def test_crossed_is_that_of_every_edge_with_every_triangle(shift):
+    """However far garments are apart, and where one edge runs through many triangles."""
+    rng = np.random.default_rng(7)
+    shirt = trimesh.creation.cylinder(0.2, 0.6, sections=19).subdivide()
+    skirt = trimesh.creation.cylinder(0.21, 0.5, sections=23).subdivide()
+    spike = np.array([[-2.0, 0.013, 0.021], [2.0, 0.017, -0.03], [0.0, 0.02, 9.0]])
+    meshes = [shirt, skirt, trimesh.Trimesh(spike, [[0, 1, 2]])]
+    places = [rng.normal(scale=0.004, size=np.shape(m.vertices)) + m.vertices for m in meshes]
+    places[1][:, 2] += shift
+    made = [GarmentMesh.from_rest(x, np.asarray(m.faces)) for x, m in zip(places, meshes)]
+    for i, k in ((0, 1), (1, 0), (2, 0), (2, 1), (0, 2)):
+        found = crossed(made[i], places[i], made[k], places[k])
+        expected = every_edge_through_every_triangle(
+            places[i], made[i].edges, places[k], made[k].triangles
+        )
+        assert found == pytest.approx(expected)
+    assert (crossed(made[0], places[0], made[1], places[1]) > 0.0) == (shift < 0.6)
 
 
 def test_nothing_measured_gives_none(body):
