@@ -287,7 +287,7 @@ class ManagedNode(LifecycleNode, Generic[Group]):
         """The node's own, and what is wrong with its time or its inputs."""
         condition = self.condition()
         if self.realtime_priority:
-            values = {**condition.values, "goes": how_it_goes()}
+            values = {**condition.values, "scheduling": how_it_goes()}
             condition = dataclasses.replace(condition, values=values)
         simulated = bool(self.get_parameter("use_sim_time").value)
         if simulated and self.state == "active" and not self.get_clock().now().nanoseconds:

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.ros
 @pytest.mark.skipif(not hasattr(os, "SCHED_BATCH"), reason="only Linux has priorities of threads")
 def test_the_thread_that_ticks_goes_first_where_the_system_grants_it(node, running, probe, until):
     def is_told():
-        goes = {v.key: v.value for v in probe.diagnostics(node).values}["goes"]
+        goes = {v.key: v.value for v in probe.diagnostics(node).values}["scheduling"]
         policy = os.sched_getscheduler(node.pid) & ~os.SCHED_RESET_ON_FORK
         return goes if (goes == "real time") == (policy == os.SCHED_RR) else ""
 
