@@ -282,7 +282,7 @@ class ClothNodeParameters:
     frame_budget_ms: float = parameter(
         0.0,
         "Longest time that a frame may take, with what it waits for a core when it is due; preset "
-        "auto keeps to it by moving the solver's settings. 0: 60 % of the period.",
+        "auto keeps to it by moving the solver's settings. 0: 70 % of the period.",
         unit="ms",
         minimum=0.0,
         maximum=1e4,

@@ -14,7 +14,7 @@ from garment_sim_ros.sim.auto.pacer import Pacer, check_solver, check_unmoved
 from garment_sim_ros.stamps import SECOND
 
 AUTO = "auto"
-SHARE = 0.6
+SHARE = 0.7
 """Part of a frame's period that it may take where no budget is given: much of it is done before
 the frame is due, and the other nodes need a core as well."""
 _BEHIND = 2
