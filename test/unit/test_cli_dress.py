@@ -79,6 +79,19 @@ def test_what_cannot_be_used_is_said_in_one_line(tmp_path, capsys, arguments, wo
     assert not list(tmp_path.iterdir())
 
 
+def test_a_pattern_that_is_not_for_the_body_is_named_with_its_file(tmp_path, capsys, data_file):
+    """Also where that is seen after it was read."""
+    content = json.loads(data_file("patterns", "shirt_mean_specification.json").read_text())
+    for panel in content["pattern"]["panels"].values():
+        panel["translation"][0] += 300.0
+    file = tmp_path / "far.json"
+    file.write_text(json.dumps(content))
+    assert main(["dress", "--garment", str(file), "--out", str(tmp_path / "o.yaml")]) == 2
+    (said,) = capsys.readouterr().err.strip().splitlines()
+    assert said.startswith(f"error: {file}: pattern 'far': panel 'left_btorso' is ")
+    assert [p.name for p in tmp_path.iterdir()] == ["far.json"]
+
+
 def test_the_outfit_is_a_yaml_file(tmp_path, capsys):
     assert main(["dress", "--garment", "tshirt", "--out", str(tmp_path / "a.png")]) == 2
     assert "allowed: a .yaml file" in capsys.readouterr().err

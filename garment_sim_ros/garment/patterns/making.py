@@ -1,6 +1,7 @@
 """From a pattern's name or file, and a body, to a garment at rest on it."""
 
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -40,6 +41,7 @@ from garment_sim_ros.garment.patterns.tape import Tape, measured
 from garment_sim_ros.garment.patterns.turning_over import facing_outwards
 from garment_sim_ros.garment.sewn_file import write_sewn
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.input_file import said_of
 from garment_sim_ros.params import ColliderOptions, Material
 from garment_sim_ros.sim.placement import find_frames
 from garment_sim_ros.sim.simulation import Simulation
@@ -274,23 +276,26 @@ def make(
         raise ParameterError("fabric", f"found {fabric[:60]!r}", f"allowed: {', '.join(PRESETS)}")
     tell("cutting", 0.0)
     pattern, usual, vertices = pattern_for(source, model)
-    check_near(pattern, model.distance, model.skin, model.body.name)
-    pattern = facing_outwards(pattern, model.distance)
-    pattern = rolled_tubes(pattern, model.skin, model.body.skin.triangles, model.body.name)
+    told = nullcontext() if str(source) in DRAFTS else said_of(source)
     fabric = fabric or usual
-    if edge_length is None:
-        edge_length = edge_length_for(pattern, vertices) if vertices else EDGE_LENGTH
-    pieces = cut(pattern, edge_length)
-    tell("cutting", 1.0)
     if any(e.label in _OF_LEGS for p in pattern.panels.values() for e in p.edges):
         model = model.for_legs(PRESETS[fabric].material)
-    pieces, placed = placed_clear(pieces, model.distance, model.body.name)
-    check_ways(pieces, placed, model.distance, model.body.name)
-    check_band(pieces, placed, model.skin, model.body.skin.triangles, model.body.name)
-    sewn = sew(pieces, placed, model, PRESETS[fabric].material, tell=tell)
-    if not np.isfinite(sewn.vertices).all():
-        raise GeometryError(f"pattern {pattern.name!r}: it did not hold together as it was sewn")
-    check_up(pieces, sewn, model.skin)
+    skin, triangles, name = model.skin, model.body.skin.triangles, model.body.name
+    with told:
+        check_near(pattern, model.distance, skin, name)
+        pattern = facing_outwards(pattern, model.distance)
+        pattern = rolled_tubes(pattern, skin, triangles, name)
+        if edge_length is None:
+            edge_length = edge_length_for(pattern, vertices) if vertices else EDGE_LENGTH
+        pieces = cut(pattern, edge_length)
+        tell("cutting", 1.0)
+        pieces, placed = placed_clear(pieces, model.distance, name)
+        check_ways(pieces, placed, model.distance, name)
+        check_band(pieces, placed, skin, triangles, name)
+        sewn = sew(pieces, placed, model, PRESETS[fabric].material, tell=tell)
+        if not np.isfinite(sewn.vertices).all():
+            raise GeometryError(f"pattern {pattern.name!r}: it did not hold together as sewn")
+        check_up(pieces, sewn, skin)
     return Made(
         name=pattern.name,
         pieces=pieces,
