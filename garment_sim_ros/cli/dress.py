@@ -205,7 +205,8 @@ def _fit_mesh(
         options["made_on"] = str(Path(options["made_on"]).resolve())
     if "shortest_edge" in options:
         options["remesh"] = "curved"
-    outfit = avatar.dress(source, name=name, **options)
+    with model.doubted():
+        outfit = avatar.dress(source, name=name, **options)
     for note in outfit.notes:
         print(note)
     garment = outfit.garments[0]

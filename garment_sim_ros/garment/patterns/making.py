@@ -1,7 +1,7 @@
 """From a pattern's name or file, and a body, to a garment at rest on it."""
 
-from collections.abc import Callable, Mapping
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -15,7 +15,7 @@ from garment_sim_ros.collider_params import SDF
 from garment_sim_ros.colliders.fit_cache import cached_fit
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
-from garment_sim_ros.errors import GeometryError, ParameterError
+from garment_sim_ros.errors import GeometryError, InputFileError, ParameterError
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.materials import PRESETS
 from garment_sim_ros.garment.measures import Measures
@@ -164,6 +164,28 @@ class Model:
         """
         return measured(self.skin, self.body.skin.triangles, self.body.name)
 
+    @contextmanager
+    def doubted(self) -> Iterator[None]:
+        """What is wrong with a garment is told together with what is wrong with the body.
+
+        Patterns and meshes that fit nowhere on a body that lies down are not to blame.
+
+        Raises:
+            InputFileError: The garment's, and that the body cannot be measured.
+        """
+        try:
+            yield
+        except InputFileError as error:
+            try:
+                self.tape()
+            except GeometryError as body:
+                raise InputFileError(
+                    error.path,
+                    error.problem,
+                    f"{error.allowed}; and the body cannot be measured: {body}",
+                ) from error
+            raise
+
     def garment(self, vertices: FloatArray, triangles: IntArray, material: Material) -> Garment:
         """A surface around it.
 
@@ -281,7 +303,7 @@ def make(
     if any(e.label in _OF_LEGS for p in pattern.panels.values() for e in p.edges):
         model = model.for_legs(PRESETS[fabric].material)
     skin, triangles, name = model.skin, model.body.skin.triangles, model.body.name
-    with told:
+    with model.doubted(), told:
         check_near(pattern, model.distance, skin, name)
         pattern = facing_outwards(pattern, model.distance)
         pattern = rolled_tubes(pattern, skin, triangles, name)
