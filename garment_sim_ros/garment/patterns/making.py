@@ -38,6 +38,7 @@ from garment_sim_ros.garment.patterns.rolling import rolled_tubes
 from garment_sim_ros.garment.patterns.sewing import PRESET, Sewn, Tell, sew
 from garment_sim_ros.garment.patterns.staying_up import check_up
 from garment_sim_ros.garment.patterns.tape import Tape, measured
+from garment_sim_ros.garment.patterns.tautness import tautest
 from garment_sim_ros.garment.patterns.turning_over import facing_outwards
 from garment_sim_ros.garment.sewn_file import write_sewn
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
@@ -323,13 +324,14 @@ def make(
         pieces=pieces,
         sewn=sewn,
         fabric=fabric,
-        gates=_measured(sewn, model),
+        gates=_measured(pieces, sewn, model),
         worn_thickness=DRAFTS[str(source)].worn_thickness if str(source) in DRAFTS else 0.0,
     )
 
 
-def _measured(sewn: Sewn, model: Model) -> Gates:
-    return gates(sewn, model.skin, model.body.skin.triangles, model.colliders, model.poses)
+def _measured(pieces: Pieces, sewn: Sewn, model: Model) -> Gates:
+    found = gates(sewn, model.skin, model.body.skin.triangles, model.colliders, model.poses)
+    return replace(found, taut=tautest(pieces, sewn, float(model.skin[:, 2].min())))
 
 
 def worn_together(made: Mapping[str, Made], model: Model) -> dict[str, Made]:
@@ -361,5 +363,5 @@ def worn_together(made: Mapping[str, Made], model: Model) -> dict[str, Made]:
     for name, m in made.items():
         x = np.asarray(simulation[name].positions, dtype=np.float64).copy()
         sewn = replace(m.sewn, vertices=x)
-        together[name] = replace(m, sewn=sewn, gates=_measured(sewn, model))
+        together[name] = replace(m, sewn=sewn, gates=_measured(m.pieces, sewn, model))
     return together
