@@ -24,6 +24,8 @@ _LIKELY = 0.15
 _SHEETS = 0.25
 """How far apart two sheets are that lie on each other, in sizes of their triangles."""
 _OPPOSITE = -0.9
+_NEIGHBOURS = 8
+"""How many triangles around one are looked at for its other side."""
 _MOST_STRETCH = 1.5
 """How much longer edges may become as a surface is put outside of a body: folds and holes are
 left beyond."""
@@ -44,25 +46,17 @@ def check_sheet(mesh: GarmentMesh) -> None:
             "is closed: it has no open edge (a solid, or cloth with two sides?); allowed: one "
             "sheet, with openings for the body"
         )
-    number, part = components(mesh.triangles, len(mesh.vertices))
-    if number > 1:
-        _check_two_sided(mesh, part[mesh.triangles[:, 0]])
-
-
-def _check_two_sided(mesh: GarmentMesh, part: IntArray) -> None:
     a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
     centre, cross = (a + b + c) / 3.0, np.cross(b - a, c - a)
     double = np.maximum(np.linalg.norm(cross, axis=1), 1e-300)
     normal, size = cross / double[:, None], np.sqrt(double)
-    largest = int(np.bincount(part).argmax())
-    own, other = np.flatnonzero(part == largest), np.flatnonzero(part != largest)
-    apart, near = cKDTree(centre[other]).query(centre[own])
-    opposite = np.einsum("ti,ti->t", normal[own], normal[other[near]]) < _OPPOSITE
-    double_sided = opposite & (apart < _SHEETS * size[own])
-    if 2 * double_sided.sum() > len(own):
+    apart, near = cKDTree(centre).query(centre, k=min(_NEIGHBOURS, len(centre)))
+    opposite = np.einsum("ti,tki->tk", normal, normal[near]) < _OPPOSITE
+    double_sided = (opposite & (apart < _SHEETS * size[:, None])).any(axis=1)
+    if 2 * double_sided.sum() > len(centre):
         raise GeometryError(
-            f"is two-sided: {double_sided.sum()} of {len(own)} triangles have others on them that "
-            "face the other way; allowed: one sheet"
+            f"is two-sided: {double_sided.sum()} of {len(centre)} triangles have others on them "
+            "that face the other way; allowed: one sheet"
         )
 
 

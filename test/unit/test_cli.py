@@ -147,7 +147,10 @@ def test_output_folder_that_is_a_file_is_a_clear_error(tmp_path):
     ("garment", "words"),
     [
         ("mesh: gone.glb", "gone.glb.*does not exist"),
-        ("generator: short_skirt, attachments: [{bone: hips, loop: 7}]", "attachment 'loop 7 on hips': there is no open edge 7"),
+        (
+            "generator: short_skirt, attachments: [{bone: hips, loop: 7}]",
+            "attachment 'loop 7 on hips': there is no open edge 7",
+        ),
     ],
 )
 def test_demo_does_not_wait_for_an_outfit_that_cannot_be_worn(tmp_path, capsys, garment, words):

@@ -42,7 +42,7 @@ def solid(v, t, rows=8, n=32):
         a, b = first + j, first + (j + 1) % n
         c, d = a + len(v), b + len(v)
         rims += [np.stack([a, c, b], 1)[:, ::turn], np.stack([b, c, d], 1)[:, ::turn]]
-    v, t = joined((v, t), (v * [0.98, 1.0, 0.98], t[:, ::-1]))
+    v, t = joined((v, t), (v * [0.99, 1.0, 0.99], t[:, ::-1]))
     return v, np.concatenate([t, *rims])
 
 
@@ -67,7 +67,11 @@ def test_a_plain_tube_is_worn_without_a_word(tmp_path, body):
         (lambda v, t: solid(v, t), "skirt.obj: is closed: it has no open edge"),
         (
             lambda v, t: joined((v, t), (v * [0.998, 1.0, 0.998], t[:, ::-1])),
-            "skirt.obj: is two-sided: 448 of 448 triangles",
+            "skirt.obj: is two-sided: 896 of 896 triangles",
+        ),
+        (  # one rim is sewn, the other one left open
+            lambda v, t: (lambda x, u: (x, np.delete(u, np.s_[-64:], axis=0)))(*solid(v, t)),
+            "skirt.obj: is two-sided: 896 of 960 triangles",
         ),
         (lambda v, t: (100.0 * v, t), r"away from mannequin; .*\(with unit cm it is\)"),
         (lambda v, t: (1000.0 * v, t), r"\(with unit mm it is\)"),
