@@ -125,11 +125,13 @@ class Avatar:
             return self._dress_in_mesh(wear, options)
         if isinstance(wear, str | Path) and Path(wear).suffix.lower() == ".json":
             return self._dress_in_pattern(wear, options)
+        source = "outfit"
         if isinstance(wear, str | Path):
             generator = str(wear) in GENERATORS
             if generator or Path(wear).suffix.lower() in _MESHES:
                 of = {"generator": str(wear)} if generator else {"mesh": str(wear)}
                 name = _OF_NAMES.sub("_", Path(wear).stem.lower()).strip("_")
+                source = str(wear)
                 wear = {"version": 1, "garments": [_entry({"name": name} | of, options)]}
                 options = {}
         if options:
@@ -138,7 +140,7 @@ class Avatar:
         if isinstance(wear, Outfit):
             return wear
         if isinstance(wear, Mapping):
-            return make_outfit(outfit_from(wear), self.body, **self._ways)
+            return make_outfit(outfit_from(wear, source=source), self.body, **self._ways)
         from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT
 
         return load_outfit(wear or DEFAULT_OUTFIT, self.body, **self._ways)

@@ -7,9 +7,11 @@ read for ever, so that nothing but a regular file is opened.
 import errno
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from garment_sim_ros.errors import InputFileError
+from garment_sim_ros.errors import GeometryError, InputFileError
 
 MAX_FILE_BYTES = 512 * 2**20
 """Largest file that is read where its reader names no limit."""
@@ -98,6 +100,20 @@ def is_folder(path: str | Path) -> bool:
         return stat.S_ISDIR(os.stat(path).st_mode)
     except (OSError, ValueError):
         return False
+
+
+@contextmanager
+def said_of(path: str | Path) -> Iterator[None]:
+    """What is wrong with a geometry is said of the file that it is from.
+
+    Raises:
+        InputFileError: In the place of a `GeometryError`.
+    """
+    try:
+        yield
+    except GeometryError as error:
+        problem, _, allowed = str(error).partition("; ")
+        raise InputFileError(path, problem, allowed) from error
 
 
 def _check(path: str | Path, status: os.stat_result, limit: int) -> None:

@@ -4,9 +4,14 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.cli.preset_options import add_preset_options, choice_of, refuse_doubly_said
+from garment_sim_ros.colliders.fit_cache import cached_fit
 from garment_sim_ros.errors import InputFileError
-from garment_sim_ros.params import ClothNodeParameters
+from garment_sim_ros.garment.holds import AUTOMATIC
+from garment_sim_ros.garment.outfit import load_outfit
+from garment_sim_ros.garment.outfit_file import read_outfit
+from garment_sim_ros.params import ClothNodeParameters, ColliderOptions, validated
 from garment_sim_ros.presets import Choice
 
 OUTFIT = "tshirt_short_skirt"
@@ -37,6 +42,24 @@ def check_files(args: argparse.Namespace) -> None:
             raise InputFileError(
                 f"--{option.replace('_', '-')} {name}", "does not exist", "allowed: a file"
             )
+
+
+def check_worn(args: argparse.Namespace) -> None:
+    """See that the body can wear an outfit from a file, before nodes wait for one that it can.
+
+    The fit of its colliders is kept, for the nodes to find.
+
+    Raises:
+        GarmentSimError: It cannot; one line that names the file.
+    """
+    if not Path(args.outfit).suffix:
+        return  # a built-in one
+    choice = choice_of(args)
+    body = load_body(args.body, bone_names=args.body_bone_names)
+    usual = validated(ColliderOptions, choice.values("collider_node", ColliderOptions))
+    colliders = cached_fit(body, read_outfit(args.outfit).colliders_on(usual), args.body)
+    attachments = said_of_cloth(choice).get("attachments", AUTOMATIC)
+    load_outfit(args.outfit, body, colliders=colliders, attachments=attachments)
 
 
 def node_parameters(args: argparse.Namespace) -> dict[str, dict[str, Any]]:

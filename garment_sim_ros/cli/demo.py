@@ -11,6 +11,7 @@ from typing import Any
 from garment_sim_ros.cli.avatar_options import (
     add_avatar_options,
     check_files,
+    check_worn,
     node_parameters,
     said_of_cloth,
 )
@@ -41,6 +42,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         raise ParameterError("--seconds", f"found {args.seconds:g}", "allowed: 1 to 3600")
     check_files(args)
     nodes = node_parameters(args)
+    check_worn(args)
     with staged(args.out) as stage:
         first_cloth = _record(nodes, args.seconds, stage, began)
         from garment_sim_ros.recording.evaluation import evaluate

@@ -13,7 +13,7 @@ from garment_sim_ros.avatar import Avatar
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.cli.progress import Phases
 from garment_sim_ros.cli.staging import staged
-from garment_sim_ros.errors import GeometryError, ParameterError
+from garment_sim_ros.errors import GeometryError, InputFileError, ParameterError
 from garment_sim_ros.garment.colours import garment_colour
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.materials import PRESETS
@@ -118,10 +118,12 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             entries.append(entry)
         text = yaml.safe_dump({"version": 1, "garments": entries}, sort_keys=False)
         (stage / args.out.name).write_text(text, encoding="utf-8")
+        worn = _worn(model, stage / args.out.name, args.out)
         picture = args.preview or args.out.with_suffix(".png")
         if not args.no_preview:
             sheets = [dressed_picture(*_drawn(made, model))] if made else []
-            sheets += _held(model, stage / args.out.name)
+            if worn:
+                sheets.append(outfit_picture(worn, model.skin, model.body.skin.triangles))
             if sheets:
                 _save(stacked(sheets), picture, stage, "--preview")
         if made and args.steps:
@@ -167,12 +169,18 @@ def _drawn(made: dict[str, Made], model: Model) -> tuple[Any, ...]:
     return [*made.values()], colours, model.skin, model.body.skin.triangles
 
 
-def _held(model: Model, outfit: Path) -> list[Image.Image]:
-    """A picture of what holds the outfit; none on a body without bones, where nothing does."""
+def _worn(model: Model, written: Path, out: Path) -> tuple[Garment, ...]:
+    """The garments as who plays the outfit gets them; none on a body without bones.
+
+    Raises:
+        InputFileError: They cannot be worn, as nothing holds them.
+    """
     if model.measures is None:
-        return []
-    garments = load_outfit(outfit, model.body).garments
-    return [outfit_picture(garments, model.skin, model.body.skin.triangles)]
+        return ()
+    try:
+        return load_outfit(written, model.body).garments
+    except InputFileError as error:
+        raise InputFileError(out, f"cannot be worn: {error.problem}", error.allowed) from error
 
 
 def _save(picture: Image.Image, path: Path, stage: Path, option: str) -> None:
@@ -197,7 +205,8 @@ def _fit_mesh(
         options["made_on"] = str(Path(options["made_on"]).resolve())
     if "shortest_edge" in options:
         options["remesh"] = "curved"
-    outfit = avatar.dress(source, name=name, **options)
+    with model.doubted():
+        outfit = avatar.dress(source, name=name, **options)
     for note in outfit.notes:
         print(note)
     garment = outfit.garments[0]

@@ -1,6 +1,7 @@
 """Progress on stderr, for what takes longer than two seconds."""
 
 import sys
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TypeVar
 
@@ -101,3 +102,4 @@ class Phases:
         self._bar.update(max(0, done - self._bar.n))
         if begins and self._bar.format_dict["elapsed"] > _DELAY:
             self._bar.refresh()  # a phase may begin with seconds of compiling
+            self._bar.last_print_t = time.time()  # else it takes itself for never shown, and stays

@@ -133,13 +133,25 @@ def waist_pins(mesh: GarmentMesh) -> IntArray:
     Raises:
         GeometryError: The garment has no open boundary.
     """
-    loops = boundary_loops(mesh.triangles)
+    loop = highest_edge(mesh.vertices, mesh.triangles)
+    if not len(loop):
+        raise GeometryError("it has no open edge to pin at the waist; allowed: one")
+    return np.sort(loop)
+
+
+def highest_edge(x: FloatArray, triangles: IntArray) -> IntArray:
+    """Vertices of the highest open edge that is no hole, in order; none of a closed surface.
+
+    Args:
+        x: Vertices [m], shape [v, 3].
+        triangles: Shape [t, 3].
+    """
+    loops = boundary_loops(triangles)
     if not loops:
-        raise GeometryError("the garment has no open edge to pin at the waist")
-    x = mesh.vertices
+        return np.zeros(0, np.int32)
     around = [np.linalg.norm(x[loop] - x[np.roll(loop, 1)], axis=1).sum() for loop in loops]
     wide = [loop for loop, w in zip(loops, around, strict=True) if w > _HOLE * max(around)]
-    return np.sort(max(wide, key=lambda loop: x[loop, 2].mean()))
+    return max(wide, key=lambda loop: float(x[loop, 2].mean()))
 
 
 def shoulder_pins(measures: Measures, mesh: GarmentMesh) -> IntArray:
@@ -163,7 +175,10 @@ def shoulder_pins(measures: Measures, mesh: GarmentMesh) -> IntArray:
             free = np.setdiff1d(on_top, pins)
             apart = np.linalg.norm(x[free, :2] - place[:2], axis=1)
             if not free.size or apart.min() > 0.1 * measures.unit:
-                raise GeometryError("the garment does not lie on the shoulders")
+                raise GeometryError(
+                    "it does not lie on the shoulders; allowed: cloth over both, from beside the "
+                    "neck on, or attachments"
+                )
             pins.append(free[np.argmin(apart)])
     return np.sort(pins).astype(np.int32)
 

@@ -44,6 +44,7 @@ from garment_sim_ros.sim.placement import SoftAttachments
 _DEEPEST = 0.03  # vertices deeper under the skin than this are not a fit of millimetres [m]
 _MOST_DEEP = 0.4  # share of vertices so deep from which a garment is in the body, not on it
 _MANY_DEEP = 0.05  # likewise from which it looks like one for another body
+_LEFT_DEEP = 0.01  # likewise that may be left where a garment was let out over colliders
 _MAX_DISTANCE = 0.1  # how far a shirt may get from where it was put on [m]
 _CLEARANCE = 0.002  # where vertices under the skin are put [m]
 
@@ -238,12 +239,16 @@ def _carried(binding: Binding, frame: int) -> float:
 
 
 def _put_outside(
-    name: str, mesh: GarmentMesh, measures: Measures, covered: IntArray
+    name: str,
+    mesh: GarmentMesh,
+    measures: Measures,
+    covered: IntArray,
+    most_deep: float = _MOST_DEEP,
 ) -> tuple[GarmentMesh, tuple[str, ...]]:
     """The mesh with its outside outwards and vertices just under the skin put over it.
 
     Raises:
-        GeometryError: The mesh is not on the body.
+        GeometryError: The mesh is not on the body, or more than a share of it is deep in there.
     """
     unit = measures.unit
     notes: tuple[str, ...] = ()
@@ -280,10 +285,10 @@ def _put_outside(
     deep = gap <= -_DEEPEST * unit
     if deep.any():
         found = f"{deep.sum()} vertices are over {1e3 * _DEEPEST * unit:.0f} mm under the skin"
-        if deep.mean() > _MOST_DEEP:
+        if deep.mean() > most_deep:
             raise GeometryError(
                 f"garment {name!r} is in {measures.body.name}, not on it: {found} of "
-                f"{len(deep)}; allowed: up to {100.0 * _MOST_DEEP:.0f} % ({OTHER_BODY})"
+                f"{len(deep)}; allowed: up to {100.0 * most_deep:.0f} % ({OTHER_BODY})"
             )
         notes += (found + f" ({OTHER_BODY})" * bool(deep.mean() > _MANY_DEEP),)
     return replace(mesh, vertices=vertices, triangles=triangles, flat=flat, notes=()), notes
@@ -303,7 +308,7 @@ def _over_colliders(
         return mesh
     met = without_bones(colliders, passed_by)
     mesh = replace(mesh, vertices=let_out(mesh, measures, met, material.thickness))
-    return _put_outside(name, mesh, measures, covered)[0]
+    return _put_outside(name, mesh, measures, covered, _LEFT_DEEP)[0]
 
 
 def over_the_body(

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray
-from garment_sim_ros.errors import GeometryError, InputFileError, ParameterError
+from garment_sim_ros.errors import GeometryError, ParameterError
 from garment_sim_ros.garment.markings import marked, texture_seams
 from garment_sim_ros.garment.mesh_data import GarmentMesh as GarmentMesh
 from garment_sim_ros.garment.mesh_repair import repaired, triangulate
@@ -15,6 +15,7 @@ from garment_sim_ros.garment.polygon_files import read_polygons
 from garment_sim_ros.garment.sewn_file import read_sewn
 from garment_sim_ros.garment.subdivide import subdivided
 from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP
+from garment_sim_ros.input_file import said_of
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 """Metres in each unit that a garment file may be in."""
@@ -53,7 +54,7 @@ def load_garment_mesh(
     corner = triangulate(x[polygons.corners], np.arange(len(polygons.corners)), polygons.sizes)
     raw = polygons.corners[corner].astype(np.int32)
     seams = np.zeros((0, 2), np.int32)
-    try:
+    with said_of(path):
         vertices, triangles, notes = repaired(x, raw)
         if polygons.texture is not None and edge_length is None:
             seams = texture_seams(x, raw, polygons.texture[corner], vertices)
@@ -65,9 +66,6 @@ def load_garment_mesh(
                     f"{len(vertices) - before} vertices were added for edges of about "
                     f"{edge_length:g} m",
                 )
-    except GeometryError as error:
-        problem, _, allowed = str(error).partition("; ")
-        raise InputFileError(path, problem, allowed) from error
     mesh = GarmentMesh(vertices=vertices, triangles=triangles, notes=notes, seams=seams)
     return marked(mesh, x, raw, polygons.colours, polygons.vertex_groups())
 

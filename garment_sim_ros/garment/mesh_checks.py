@@ -5,6 +5,7 @@ from scipy.spatial import Delaunay, cKDTree
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.garment.attachments import highest_edge
 from garment_sim_ros.garment.connectivity import components
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import UNITS, UP_AXES
@@ -23,11 +24,14 @@ _LIKELY = 0.15
 _SHEETS = 0.25
 """How far apart two sheets are that lie on each other, in sizes of their triangles."""
 _OPPOSITE = -0.9
-_MOST_STRETCH = 1.95
-"""How much longer edges may become as a surface is put outside of a body: holes tear beyond."""
+_NEIGHBOURS = 8
+"""How many triangles around one are looked at for its other side."""
+_MOST_STRETCH = 1.5
+"""How much longer edges may become as a surface is put outside of a body: folds and holes are
+left beyond."""
 _LEAST_INSIDE = 0.5
 """Share of a section through the legs that is in a waist below the crotch."""
-OTHER_BODY = "was it made for another body? name that with made_on"
+OTHER_BODY = "was it made for another body? name that: made_on, or --made-on of dress"
 
 
 def check_sheet(mesh: GarmentMesh) -> None:
@@ -42,25 +46,17 @@ def check_sheet(mesh: GarmentMesh) -> None:
             "is closed: it has no open edge (a solid, or cloth with two sides?); allowed: one "
             "sheet, with openings for the body"
         )
-    number, part = components(mesh.triangles, len(mesh.vertices))
-    if number > 1:
-        _check_two_sided(mesh, part[mesh.triangles[:, 0]])
-
-
-def _check_two_sided(mesh: GarmentMesh, part: IntArray) -> None:
     a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
     centre, cross = (a + b + c) / 3.0, np.cross(b - a, c - a)
     double = np.maximum(np.linalg.norm(cross, axis=1), 1e-300)
     normal, size = cross / double[:, None], np.sqrt(double)
-    largest = int(np.bincount(part).argmax())
-    own, other = np.flatnonzero(part == largest), np.flatnonzero(part != largest)
-    apart, near = cKDTree(centre[other]).query(centre[own])
-    opposite = np.einsum("ti,ti->t", normal[own], normal[other[near]]) < _OPPOSITE
-    double_sided = opposite & (apart < _SHEETS * size[own])
-    if 2 * double_sided.sum() > len(own):
+    apart, near = cKDTree(centre).query(centre, k=min(_NEIGHBOURS, len(centre)))
+    opposite = np.einsum("ti,tki->tk", normal, normal[near]) < _OPPOSITE
+    double_sided = (opposite & (apart < _SHEETS * size[:, None])).any(axis=1)
+    if 2 * double_sided.sum() > len(centre):
         raise GeometryError(
-            f"is two-sided: {double_sided.sum()} of {len(own)} triangles have others on them that "
-            "face the other way; allowed: one sheet"
+            f"is two-sided: {double_sided.sum()} of {len(centre)} triangles have others on them "
+            "that face the other way; allowed: one sheet"
         )
 
 
@@ -138,7 +134,7 @@ def check_waist(
 ) -> None:
     """Sees whether the open edge that is taken as a waist is around the body.
 
-    Garments of several parts have several such edges, and are not judged.
+    What has several parts, as a pair of stockings, is around the legs with all of them together.
 
     Args:
         name: What messages call the garment.
@@ -156,13 +152,15 @@ def check_waist(
     except GeometryError:
         return
     height = float(x[:, 2].mean())
-    if height > crotch or components(mesh.triangles, len(mesh.vertices))[0] > 1:
+    if height > crotch:
         return
-    legs = loops_at(measures.vertices, covered, height, 2).points
-    if not legs:
-        return
-    inside = Delaunay(x[:, :2], qhull_options="QJ").find_simplex(np.concatenate(legs))
-    if (inside >= 0).mean() < _LEAST_INSIDE:
+    _, part = components(mesh.triangles, len(mesh.vertices))
+    around = 0.0
+    for number in np.setdiff1d(part, part[waist]):
+        own = mesh.triangles[part[mesh.triangles[:, 0]] == number]
+        edge = highest_edge(mesh.vertices, own)
+        around += _around_legs(mesh.vertices[edge], measures, covered) if len(edge) else 0.0
+    if around + _around_legs(x, measures, covered) < _LEAST_INSIDE:
         floor = float(measures.vertices[:, 2].min())
         raise GeometryError(
             f"garment {name!r} has its highest open edge {height - floor:.2g} m over the floor, "
@@ -170,6 +168,15 @@ def check_waist(
             f"are above {crotch - floor:.2g} m, or attachments (another unit of length? "
             f"{OTHER_BODY})"
         )
+
+
+def _around_legs(x: FloatArray, measures: Measures, covered: IntArray) -> float:
+    """Share of the section through the legs that is within an open edge at its height."""
+    legs = loops_at(measures.vertices, covered, float(x[:, 2].mean()), 2).points
+    if not legs:
+        return 1.0
+    inside = Delaunay(x[:, :2], qhull_options="QJ").find_simplex(np.concatenate(legs))
+    return float((inside >= 0).mean())
 
 
 def loose_parts(x: FloatArray, triangles: IntArray, held: IntArray) -> tuple[str, ...]:

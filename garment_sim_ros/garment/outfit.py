@@ -1,8 +1,7 @@
 """Outfits: the garments of a file made for one body."""
 
 import math
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -26,6 +25,7 @@ from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh, load_garment_mesh
 from garment_sim_ros.garment.mesh_checks import check_place, check_sheet, loose_parts
 from garment_sim_ros.garment.outfit_file import ANEW, GarmentEntry, OutfitFile, read_outfit
+from garment_sim_ros.input_file import said_of
 from garment_sim_ros.params import ColliderOptions, idle
 from garment_sim_ros.sim.self_collision.garment import own_distance
 
@@ -154,16 +154,6 @@ def _names_vertices(entry: GarmentEntry) -> bool:
     return any(d.vertices is not None for d in distances) or any(p.by_number for p in placed)
 
 
-@contextmanager
-def _naming(file: Path | None) -> Iterator[None]:
-    """What is wrong with a surface is said of its file."""
-    try:
-        yield
-    except GeometryError as error:
-        problem, _, allowed = str(error).partition("; ")
-        raise InputFileError(file, problem, allowed) from error
-
-
 def _from_file(
     source: str, entry: GarmentEntry, measures: Measures
 ) -> tuple[GarmentMesh, FloatArray | None]:
@@ -176,7 +166,7 @@ def _from_file(
     o = entry.options
     mesh = load_garment_mesh(entry.mesh, unit=o.unit, up=o.up)
     made_on = _made_on(source, o.made_on) if o.made_on else None
-    with _naming(entry.mesh):
+    with said_of(entry.mesh):
         check_sheet(mesh)
         check_place(mesh, Measures(made_on) if made_on else measures, o.unit, o.up)
     if mesh.flat is not None and o.remesh in ANEW:
@@ -222,7 +212,10 @@ def _make(
     except GeometryError as error:
         if entry.mesh is None and isinstance(entry.attachments, str) and entry.holds == Holds():
             raise  # nothing that the file says: it is the body that does not fit
-        raise InputFileError(source, str(error)) from error
+        problem, _, allowed = str(error).partition("; ")
+        if repr(entry.name) not in problem:
+            problem = f"garment {entry.name!r}: {problem}"
+        raise InputFileError(source, problem, allowed) from error
     apart = entry.self_collision
     if apart is True:
         apart = own_distance(garment.vertices, garment.triangles, garment.material)

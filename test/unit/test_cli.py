@@ -1,6 +1,7 @@
 """The command line: exit codes, one-line errors, JSON last, nothing half-written."""
 
 import json
+import re
 import subprocess
 import sys
 import types
@@ -140,3 +141,24 @@ def test_output_folder_that_is_a_file_is_a_clear_error(tmp_path):
     (tmp_path / "f").write_text("")
     with pytest.raises(InputFileError, match="--out"), staged(tmp_path / "f"):
         pass
+
+
+@pytest.mark.parametrize(
+    ("garment", "words"),
+    [
+        ("mesh: gone.glb", "gone.glb.*does not exist"),
+        (
+            "generator: short_skirt, attachments: [{bone: hips, loop: 7}]",
+            "attachment 'loop 7 on hips': there is no open edge 7",
+        ),
+    ],
+)
+def test_demo_does_not_wait_for_an_outfit_that_cannot_be_worn(tmp_path, capsys, garment, words):
+    outfit = tmp_path / "mine.yaml"
+    outfit.write_text(f"version: 1\ngarments: [{{name: s, {garment}}}]\n")
+    asked = ["demo", "--outfit", str(outfit), "--out", str(tmp_path / "out")]
+    assert cli.main([*asked, "--set", "collider_node.method=capsules"]) == 2
+    (said,) = capsys.readouterr().err.strip().splitlines()
+    assert said.startswith("error: ")
+    assert re.search(words, said)
+    assert [p.name for p in tmp_path.iterdir()] == ["mine.yaml"]

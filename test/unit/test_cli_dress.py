@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from garment_sim_ros.avatar import Avatar
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.cli.main import main
 from garment_sim_ros.garment.mesh import load_garment_mesh
 from garment_sim_ros.sim.simulation import Simulation
@@ -77,6 +78,39 @@ def test_what_cannot_be_used_is_said_in_one_line(tmp_path, capsys, arguments, wo
     assert re.search(words, said[-1])
     assert said[-1].startswith("error: ")
     assert not list(tmp_path.iterdir())
+
+
+def far_pattern(data_file, folder):
+    """A shirt that is 3 m beside the body."""
+    content = json.loads(data_file("patterns", "shirt_mean_specification.json").read_text())
+    for panel in content["pattern"]["panels"].values():
+        panel["translation"][0] += 300.0
+    file = folder / "far.json"
+    file.write_text(json.dumps(content))
+    return file
+
+
+def test_a_pattern_that_is_not_for_the_body_is_named_with_its_file(tmp_path, capsys, data_file):
+    """Also where that is seen after it was read."""
+    file = far_pattern(data_file, tmp_path)
+    assert main(["dress", "--garment", str(file), "--out", str(tmp_path / "o.yaml")]) == 2
+    (said,) = capsys.readouterr().err.strip().splitlines()
+    assert said.startswith(f"error: {file}: pattern 'far': panel 'left_btorso' is ")
+    assert [p.name for p in tmp_path.iterdir()] == ["far.json"]
+
+
+def test_a_body_that_lies_down_is_told_with_what_does_not_fit(tmp_path, capsys, data_file):
+    body = load_body("mannequin:vertices=1500").skin
+    lying = body.vertices[:, [1, 0, 2]] * [1.0, 1.0, -1.0]
+    lines = ["v {:.5f} {:.5f} {:.5f}".format(*x) for x in lying.tolist()]
+    lines += ["f {} {} {}".format(*corners) for corners in (body.triangles + 1).tolist()]
+    (tmp_path / "lying.obj").write_text("\n".join(lines))
+    file = far_pattern(data_file, tmp_path)
+    dress = ["dress", "--body", str(tmp_path / "lying.obj"), "--garment", str(file)]
+    assert main([*dress, "--out", str(tmp_path / "o.yaml")]) == 2
+    (said,) = capsys.readouterr().err.strip().splitlines()
+    assert said.startswith(f"error: {file}: ")
+    assert re.search("; and the body cannot be measured: lying.*allowed: a body that stands", said)
 
 
 def test_the_outfit_is_a_yaml_file(tmp_path, capsys):

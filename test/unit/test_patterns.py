@@ -210,6 +210,19 @@ def test_an_edge_length_larger_than_a_panel_names_it():
         cut(tube(other=0.5), 1e-4)
 
 
+@pytest.mark.parametrize("length", [0.0, -0.01, np.nan])
+def test_an_edge_length_that_is_none_is_not_called_too_large(length):
+    with pytest.raises(ParameterError, match=r"edge_length: found \S+ m; allowed: above 0, up to"):
+        cut(tube(other=0.5), length)
+
+
+def test_a_pattern_that_no_body_fits_into_is_in_another_unit():
+    check(tube(width=0.02, height=0.11, other=0.09))
+    words = "largest panel, 'front', is 0.05 m long: another unit of length"
+    with pytest.raises(GeometryError, match=words):
+        check(tube(width=0.02, height=0.05, other=0.04))
+
+
 def test_the_grain_turns_the_threads():
     pattern = tube(other=0.5)
     pieces = cut(pattern, 0.05)

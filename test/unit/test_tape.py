@@ -86,6 +86,15 @@ def test_a_body_without_arms_is_refused(mannequin):
         measured(x, kept, "mannequin")
 
 
+def test_stumps_are_no_arms(data_file):
+    """Sections through shoulder and hips made an arm of a body that has lost its own."""
+    body = load_body(data_file("bodies", "f_smpl_average_A40.obj"))
+    x, t = body.skin.vertices, body.skin.triangles
+    kept = t[(np.abs(x[t][..., 1]) < 0.2).all(axis=1)]
+    with pytest.raises(GeometryError, match="woman: no arm on one side: what is there does not l"):
+        measured(x, kept, "woman")
+
+
 def test_a_body_without_legs_is_refused(mannequin):
     x, t = mannequin.skin.vertices, mannequin.skin.triangles
     kept = t[(x[t][..., 2] > 0.75).all(axis=1)]

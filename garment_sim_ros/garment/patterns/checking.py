@@ -12,6 +12,8 @@ LARGEST = 5.0
 """Largest extent of a panel [m]."""
 SMALLEST = 0.005
 """Smallest extent of a panel [m]."""
+SMALLEST_PATTERN = 0.1
+"""Smallest extent of the largest panel of a pattern [m]."""
 SHORTEST = 1e-4
 """Shortest edge [m]."""
 MOST_PANELS = 256
@@ -31,6 +33,15 @@ def check(pattern: Pattern) -> None:
         raise _fault(pattern, f"has {len(pattern.panels)} panels", f"1 to {MOST_PANELS}")
     for panel in pattern.panels.values():
         _check_panel(pattern, panel)
+    extent, name = max(
+        (float(np.ptp(p.outline, axis=0).max()), n) for n, p in pattern.panels.items()
+    )
+    if extent < SMALLEST_PATTERN:
+        raise _fault(
+            pattern,
+            f"its largest panel, {name!r}, is {extent:.3g} m long: another unit of length?",
+            f"{SMALLEST_PATTERN:g} m on",
+        )
     for stitch in pattern.stitches:
         _check_stitch(pattern, stitch)
     _check_once(pattern)

@@ -30,7 +30,7 @@ from garment_sim_ros.garment.patterns.pattern import (
     Stitch,
 )
 from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP
-from garment_sim_ros.input_file import read_text
+from garment_sim_ros.input_file import read_text, said_of
 from garment_sim_ros.plain_data import PlainDataError, parse_json
 
 MAX_FILE_BYTES = 8 * 2**20
@@ -52,13 +52,11 @@ def read_garmentcode(path: str | Path) -> Pattern:
     """
     try:
         content = parse_json(read_text(path, limit=MAX_FILE_BYTES))
-        pattern = _pattern(Path(path).stem, content)
-        check(pattern)
     except PlainDataError as error:
         raise InputFileError(path, f"is not plain JSON ({error})") from None
-    except GeometryError as error:
-        problem, _, allowed = str(error).partition("; ")
-        raise InputFileError(path, problem, allowed) from error
+    with said_of(path):
+        pattern = _pattern(Path(path).stem, content)
+        check(pattern)
     return pattern
 
 

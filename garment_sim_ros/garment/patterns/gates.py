@@ -32,10 +32,12 @@ class Gates:
     Attributes:
         figures: The figures.
         pierced_by: Bones that run through it.
+        taut: Where it is stretched most, in words.
     """
 
     figures: Mapping[str, float]
     pierced_by: tuple[str, ...] = ()
+    taut: str = ""
 
     @property
     def failed(self) -> tuple[str, ...]:
@@ -44,9 +46,10 @@ class Gates:
 
     def lines(self) -> list[str]:
         """One line of text for each figure."""
+        more = {"pierced": ", ".join(self.pierced_by), "stretch_p95": self.taut}
         return [
-            f"{'ok  ' if v <= LIMITS[n][0] else 'FAIL'} {n} {v:.4g} (at most {LIMITS[n][0]:g}): "
-            f"{LIMITS[n][1]}" + (f": {', '.join(self.pierced_by)}" if n == "pierced" and v else "")
+            f"{'FAIL' if n in self.failed else 'ok  '} {n} {v:.4g} (at most {LIMITS[n][0]:g}): "
+            f"{LIMITS[n][1]}" + (f": {more[n]}" if n in self.failed and more.get(n) else "")
             for n, v in self.figures.items()
         ]
 

@@ -1,6 +1,7 @@
 """From a pattern's name or file, and a body, to a garment at rest on it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +15,7 @@ from garment_sim_ros.collider_params import SDF
 from garment_sim_ros.colliders.fit_cache import cached_fit
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
-from garment_sim_ros.errors import GeometryError, ParameterError
+from garment_sim_ros.errors import GeometryError, InputFileError, ParameterError
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.materials import PRESETS
 from garment_sim_ros.garment.measures import Measures
@@ -37,9 +38,11 @@ from garment_sim_ros.garment.patterns.rolling import rolled_tubes
 from garment_sim_ros.garment.patterns.sewing import PRESET, Sewn, Tell, sew
 from garment_sim_ros.garment.patterns.staying_up import check_up
 from garment_sim_ros.garment.patterns.tape import Tape, measured
+from garment_sim_ros.garment.patterns.tautness import tautest
 from garment_sim_ros.garment.patterns.turning_over import facing_outwards
 from garment_sim_ros.garment.sewn_file import write_sewn
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.input_file import said_of
 from garment_sim_ros.params import ColliderOptions, Material
 from garment_sim_ros.sim.placement import find_frames
 from garment_sim_ros.sim.simulation import Simulation
@@ -162,6 +165,28 @@ class Model:
         """
         return measured(self.skin, self.body.skin.triangles, self.body.name)
 
+    @contextmanager
+    def doubted(self) -> Iterator[None]:
+        """What is wrong with a garment is told together with what is wrong with the body.
+
+        Patterns and meshes that fit nowhere on a body that lies down are not to blame.
+
+        Raises:
+            InputFileError: The garment's, and that the body cannot be measured.
+        """
+        try:
+            yield
+        except InputFileError as error:
+            try:
+                self.tape()
+            except GeometryError as body:
+                raise InputFileError(
+                    error.path,
+                    error.problem,
+                    f"{error.allowed}; and the body cannot be measured: {body}",
+                ) from error
+            raise
+
     def garment(self, vertices: FloatArray, triangles: IntArray, material: Material) -> Garment:
         """A surface around it.
 
@@ -274,35 +299,39 @@ def make(
         raise ParameterError("fabric", f"found {fabric[:60]!r}", f"allowed: {', '.join(PRESETS)}")
     tell("cutting", 0.0)
     pattern, usual, vertices = pattern_for(source, model)
-    check_near(pattern, model.distance, model.skin, model.body.name)
-    pattern = facing_outwards(pattern, model.distance)
-    pattern = rolled_tubes(pattern, model.skin, model.body.skin.triangles, model.body.name)
+    told = nullcontext() if str(source) in DRAFTS else said_of(source)
     fabric = fabric or usual
-    if edge_length is None:
-        edge_length = edge_length_for(pattern, vertices) if vertices else EDGE_LENGTH
-    pieces = cut(pattern, edge_length)
-    tell("cutting", 1.0)
     if any(e.label in _OF_LEGS for p in pattern.panels.values() for e in p.edges):
         model = model.for_legs(PRESETS[fabric].material)
-    pieces, placed = placed_clear(pieces, model.distance, model.body.name)
-    check_ways(pieces, placed, model.distance, model.body.name)
-    check_band(pieces, placed, model.skin, model.body.skin.triangles, model.body.name)
-    sewn = sew(pieces, placed, model, PRESETS[fabric].material, tell=tell)
-    if not np.isfinite(sewn.vertices).all():
-        raise GeometryError(f"pattern {pattern.name!r}: it did not hold together as it was sewn")
-    check_up(pieces, sewn, model.skin)
+    skin, triangles, name = model.skin, model.body.skin.triangles, model.body.name
+    with model.doubted(), told:
+        check_near(pattern, model.distance, skin, name)
+        pattern = facing_outwards(pattern, model.distance)
+        pattern = rolled_tubes(pattern, skin, triangles, name)
+        if edge_length is None:
+            edge_length = edge_length_for(pattern, vertices) if vertices else EDGE_LENGTH
+        pieces = cut(pattern, edge_length)
+        tell("cutting", 1.0)
+        pieces, placed = placed_clear(pieces, model.distance, name)
+        check_ways(pieces, placed, model.distance, name)
+        check_band(pieces, placed, skin, triangles, name)
+        sewn = sew(pieces, placed, model, PRESETS[fabric].material, tell=tell)
+        if not np.isfinite(sewn.vertices).all():
+            raise GeometryError(f"pattern {pattern.name!r}: it did not hold together as sewn")
+        check_up(pieces, sewn, skin)
     return Made(
         name=pattern.name,
         pieces=pieces,
         sewn=sewn,
         fabric=fabric,
-        gates=_measured(sewn, model),
+        gates=_measured(pieces, sewn, model),
         worn_thickness=DRAFTS[str(source)].worn_thickness if str(source) in DRAFTS else 0.0,
     )
 
 
-def _measured(sewn: Sewn, model: Model) -> Gates:
-    return gates(sewn, model.skin, model.body.skin.triangles, model.colliders, model.poses)
+def _measured(pieces: Pieces, sewn: Sewn, model: Model) -> Gates:
+    found = gates(sewn, model.skin, model.body.skin.triangles, model.colliders, model.poses)
+    return replace(found, taut=tautest(pieces, sewn, float(model.skin[:, 2].min())))
 
 
 def worn_together(made: Mapping[str, Made], model: Model) -> dict[str, Made]:
@@ -334,5 +363,5 @@ def worn_together(made: Mapping[str, Made], model: Model) -> dict[str, Made]:
     for name, m in made.items():
         x = np.asarray(simulation[name].positions, dtype=np.float64).copy()
         sewn = replace(m.sewn, vertices=x)
-        together[name] = replace(m, sewn=sewn, gates=_measured(sewn, model))
+        together[name] = replace(m, sewn=sewn, gates=_measured(m.pieces, sewn, model))
     return together

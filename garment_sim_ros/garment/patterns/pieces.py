@@ -208,9 +208,10 @@ def _check_length(pattern: Pattern, edge_length: float) -> None:
     for panel in pattern.panels.values():
         extent = np.ptp(panel.outline, axis=0).min()
         if not 0.0 < edge_length <= extent:
+            larger = f", larger than panel {panel.name!r}" if edge_length > extent else ""
             raise ParameterError(
                 "edge_length",
-                f"found {edge_length:.4g} m, larger than panel {panel.name!r}",
+                f"found {edge_length:.4g} m{larger}",
                 f"allowed: above 0, up to {extent:.4g} m",
             )
     if pattern.area / edge_length**2 > MOST_VERTICES:

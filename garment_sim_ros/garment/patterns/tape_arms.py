@@ -10,6 +10,8 @@ from garment_sim_ros.garment.patterns.tape_sections import Level, girth_of, loop
 
 _TRUNK = 1.8
 """A section longer than the median of an arm's by this is not that of the arm alone."""
+_SHORTEST = 0.2
+"""Distance of a wrist from the armpit at least, in heights of the armpit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +57,14 @@ def arm_of(
     trunk_half = 0.5 * waist.size[1]
     near = 0.014 * armpit
     root = np.array([waist.centre[0], mid + side * (trunk_half + near), armpit + near])
-    return _along_arm(x, triangles, root, tip, side, name)
+    arm = _along_arm(x, triangles, root, tip, side, name)
+    reach = arm.wrist_place - root
+    if reach[1] * side < 0.0 or np.linalg.norm(reach) < _SHORTEST * armpit:
+        raise GeometryError(
+            f"{name}: no arm on one side: what is there does not lead away from the trunk; "
+            "allowed: a body with two arms"
+        )
+    return arm
 
 
 def _along_arm(
