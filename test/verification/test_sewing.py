@@ -7,7 +7,7 @@ import pytest
 from simple_patterns import tube
 
 from garment_sim_ros.body.loaders.load import load_body
-from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.errors import GeometryError, InputFileError
 from garment_sim_ros.garment.materials import PRESETS, material_from
 from garment_sim_ros.garment.patterns import sewing
 from garment_sim_ros.garment.patterns.gates import LIMITS, gates
@@ -177,7 +177,7 @@ def test_a_pattern_in_another_unit_is_refused_before_it_is_cut(
     path = tmp_path / "large.json"
     path.write_text(text.replace('"units_in_meter": 100', f'"units_in_meter": {per_metre}'))
     phases = []
-    with pytest.raises(GeometryError, match=r"panel '.*' (reaches up to|is) \d.*another unit"):
+    with pytest.raises(InputFileError, match=r"panel '.*' (reaches up to|is) \d.*another unit"):
         make(path, model, tell=lambda phase, share: phases.append((phase, share)))
     assert phases == [("cutting", 0.0)]
 
