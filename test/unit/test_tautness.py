@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from garment_sim_ros.garment.patterns.gates import Gates
@@ -41,6 +42,21 @@ def hung(stretch):
 def test_the_tautest_panel_is_told(scale, words):
     pieces, sewn = hung(lambda x: x * scale)
     assert re.search(words, tautest(pieces, sewn, -1.0))
+
+
+def test_folds_beside_what_is_taut_give_nothing():
+    def stretched_and_folded(x):
+        across = x[:, 1] - x[:, 1].min()
+        middle = 0.5 * across.max()
+        x = x.copy()
+        x[:, 1] = np.where(across < middle, 1.1 * across, 0.4 * across + 0.7 * middle)
+        return x
+
+    found = re.search(
+        r"its 40 cm are (\S+) cm too narrow", tautest(*hung(stretched_and_folded), 0)
+    )
+    assert found
+    assert 1.5 < float(found[1]) < 2.3
 
 
 def test_it_is_told_where_the_limit_is_not_kept():

@@ -32,7 +32,8 @@ def tautest(pieces: Pieces, sewn: Sewn, floor: float) -> str:
     middle = flat.mean(axis=1)[:, 1 - thread]
     row = own & (np.abs(middle - np.median(middle[taut])) < 0.5 * _BAND)
     long = 100.0 * float(np.ptp(flat[row, :, thread]))
-    short = long * float(strain[row, thread].mean())
+    # What hangs in folds beside it gives nothing.
+    short = long * float(np.maximum(strain[row, thread], 0.0).mean())
     return (
         f"most in panel {[*pieces.pattern.panels][k]!r}, {height:.2f} m over the floor, "
         f"{('across', 'along')[thread]} the grain: its {long:.0f} cm are {short:.1f} cm too "
