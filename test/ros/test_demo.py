@@ -15,6 +15,12 @@ import psutil
 import pytest
 from PIL import Image
 from rosbags.highlevel import AnyReader
+from waiting import until
+
+from garment_sim_ros.cli.avatar_options import node_parameters
+from garment_sim_ros.cli.main import parser
+from garment_sim_ros.cli.node_processes import NodeProcesses
+from garment_sim_ros.errors import GarmentSimError
 
 pytest.importorskip("rclpy")
 pytest.importorskip("embreex")
@@ -151,18 +157,43 @@ def test_unusable_input_is_named_and_ends_the_demo(tmp_path, option, name, conte
     assert not nodes_of(tmp_path)
 
 
-def test_a_body_that_cannot_be_dressed_ends_the_demo_at_the_first_line_that_says_so(tmp_path):
-    """The nodes go on for ever: another description might come. Here none does."""
-    (tmp_path / "outfit.yaml").write_text(
-        "version: 1\ngarments:\n"
-        "  - {name: skirt, generator: short_skirt, attachments: [{bone: wing, vertices: [0]}]}\n"
-    )
-    words = [*COMMAND, "--out", str(tmp_path / "out"), "--outfit", str(tmp_path / "outfit.yaml")]
+BAD_HOLD = """version: 1
+garments:
+  - {name: skirt, generator: short_skirt, attachments: [{bone: wing, vertices: [0]}]}
+"""
+
+
+def test_a_body_that_cannot_wear_an_outfit_ends_the_demo_before_nodes_are_started(tmp_path):
+    outfit = tmp_path / "outfit.yaml"
+    outfit.write_text(BAD_HOLD)
+    words = [*COMMAND, "--out", str(tmp_path / "out"), "--outfit", str(outfit)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     (line,) = (line for line in done.stderr.splitlines() if line.startswith("error: "))
-    assert line.startswith("error: cloth_node: rejected collider_description: ")
+    assert line.startswith(f"error: {outfit}: garment 'skirt': ")
     assert "wing" in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_node_that_says_that_it_cannot_dress_the_body_ends_the_demo(tmp_path):
+    """The nodes go on for ever: another description might come. Here none does."""
+    outfit = tmp_path / "outfit.yaml"
+    outfit.write_text(BAD_HOLD)
+    asked = node_parameters(parser("demo").parse_args(["demo", "--outfit", str(outfit)]))
+
+    def refused():
+        try:
+            nodes.check()
+        except GarmentSimError as error:
+            return str(error)
+        return ""
+
+    with NodeProcesses(tmp_path) as nodes:
+        for name in ("collider_node", "cloth_node"):
+            nodes.start(name, asked[name])
+        said = until(refused)
+    assert said.startswith("cloth_node: rejected collider_description: ")
+    assert "wing" in said
     assert not nodes_of(tmp_path)
 
 
