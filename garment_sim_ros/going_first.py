@@ -79,10 +79,10 @@ class _GoingFirst:
                 self._wait = _FIRST_WAIT
 
     def _begin(self, now: int) -> None:
-        if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK != os.SCHED_OTHER:
-            self._next, self.state = None, "as it was started"
-            return
         try:
+            if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK != os.SCHED_OTHER:
+                self._next, self.state = None, "as it was started"
+                return
             _set(os.SCHED_RR, self._priority)
         except OSError:
             self._next, self.state = None, "as others: the system does not grant real time"
