@@ -76,7 +76,7 @@ def until(condition, busy):
         if condition():
             return True
         if not busy:
-            time.sleep(0.001)
+            time.sleep(0.001)  # leaves its core to others, which is what is tried
     return False
 
 
