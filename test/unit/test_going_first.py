@@ -2,7 +2,7 @@
 
 import os
 import threading
-import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -68,42 +68,51 @@ def test_a_thread_goes_first_and_neither_those_beside_it_nor_those_it_starts():
     assert (policy(), how_it_goes()) == before
 
 
-def until(condition, busy):
-    """Calls `go_first` until a condition holds, for 10 s; keeps the core busy meanwhile or not."""
-    end = time.monotonic() + 10.0
-    while time.monotonic() < end:
-        go_first(1)
-        if condition():
-            return True
-        if not busy:
-            time.sleep(0.001)  # leaves its core to others, which is what is tried
-    return False
+def test_a_thread_that_uses_most_of_a_core_goes_as_others_and_asks_again_later(monkeypatch, asked):
+    """Later each time, up to a minute; the time is the test's."""
+    now, used = 10**15, 0
+    clock = SimpleNamespace(monotonic_ns=lambda: now, thread_time_ns=lambda: used)
+    monkeypatch.setattr(going_first, "time", clock)
+
+    def until(policy, share):
+        """How long it is until the system is asked for a policy [s], using a share of a core."""
+        nonlocal now, used
+        asked.clear()
+        for tick in range(100 * 60):
+            go_first(1)
+            if asked:
+                assert asked == [(policy, int(policy == os.SCHED_RR))]
+                return tick / 60
+            now += 10**9 // 60
+            used += round(share * 10**9 / 60)
+        return None
+
+    def work():
+        until(os.SCHED_RR, 0.3)
+        assert until(os.SCHED_OTHER, 0.7) is None, "it leaves room for others"
+        waits = []
+        for _ in range(7):
+            assert until(os.SCHED_OTHER, 0.9) < 1.1
+            assert "most of a core" in how_it_goes()
+            waits.append(until(os.SCHED_RR, 0.9))
+            assert how_it_goes() == "real time"
+        return waits
+
+    assert in_a_thread(work) == pytest.approx([4.0, 8.0, 16.0, 32.0, 64.0, 64.0, 64.0], abs=0.05)
 
 
 @granted
-def test_a_thread_that_uses_most_of_a_core_goes_as_others_and_asks_again_later(monkeypatch):
-    monkeypatch.setattr(going_first, "_WATCH", 20_000_000)
-    monkeypatch.setattr(going_first, "_FIRST_WAIT", 50_000_000)
+def test_the_system_takes_the_priority_back(monkeypatch):
+    times = iter(range(1, 10))
+    clock = SimpleNamespace(
+        monotonic_ns=lambda: 10**9 * next(times), thread_time_ns=lambda: 10**18 * next(times)
+    )
+    monkeypatch.setattr(going_first, "time", clock)
 
     def work():
-        go_first(1)
-        waits = []
-        for _ in range(3):
-            assert until(lambda: policy() == os.SCHED_OTHER, busy=True)
-            assert "most of a core" in how_it_goes()
-            began = time.monotonic()
-            assert until(lambda: policy() == os.SCHED_RR, busy=False)
-            waits.append(time.monotonic() - began)
-        # While it leaves room it stays.
-        end = time.monotonic() + 0.2
-        assert until(lambda: policy() != os.SCHED_RR or time.monotonic() > end, busy=False)
-        assert policy() == os.SCHED_RR
-        return waits
+        return [(go_first(1), policy())[1] for _ in range(2)]
 
-    waits = in_a_thread(work)
-    assert waits[0] >= 0.05
-    assert waits[1] >= 0.1
-    assert waits[2] >= 0.2
+    assert in_a_thread(work) == [os.SCHED_RR, os.SCHED_OTHER]
 
 
 def test_a_system_that_refuses_is_asked_once(monkeypatch):
