@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--fabric",
         choices=tuple(PRESETS),
-        help="fabric of all garments; default: jersey for tops and files, polyester for skirts",
+        help="fabric of all garments; default: the draft's own, polyester for files",
     )
     parser.add_argument(
         "--edge-length",

@@ -52,18 +52,19 @@ class Place:
 
 @dataclass(frozen=True, kw_only=True)
 class Attachment:
-    """Vertices that follow one bone.
+    """Vertices that follow a bone.
 
     Attributes:
-        bone: Joint name, or humanoid bone name.
+        bone: Joint name, or humanoid bone name; empty: that which most of the cloth there follows
+            as skin, of each part that hangs together its own.
         place: Which vertices.
         name: What pictures and messages call it; empty: by its bone and place.
         stiffness: Of the spring that holds each [N/m]; infinite: rigid; None: as the garment's.
         damping: Of that spring [N s/m]; None: as the garment's.
     """
 
-    bone: str
     place: Place
+    bone: str = ""
     name: str = ""
     stiffness: float | None = None
     damping: float | None = None
@@ -71,7 +72,7 @@ class Attachment:
     @property
     def title(self) -> str:
         """Its name, or its place and bone."""
-        return self.name or f"{self.place} on {self.bone}"
+        return self.name or (f"{self.place} on {self.bone}" if self.bone else str(self.place))
 
 
 @dataclass(frozen=True, kw_only=True)

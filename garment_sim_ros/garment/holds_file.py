@@ -74,16 +74,16 @@ def attachments_of(value: object) -> str | tuple[Attachment, ...]:
         ParameterError: Neither, or an entry that is not allowed.
     """
     allowed = (
-        f"{AUTOMATIC}, {ARMS}, {NONE}, or a list of {{bone: NAME, vertices: [...]}}, or with "
-        f"{_TELLS_WHERE}, each also with a name, a stiffness in N/m and a damping in N s/m"
+        f"{AUTOMATIC}, {ARMS}, {NONE}, or a list of {{vertices: [...]}}, or with {_TELLS_WHERE}, "
+        "each also with a bone, a name, a stiffness in N/m and a damping in N s/m"
     )
     if isinstance(value, str) and value in (AUTOMATIC, ARMS, NONE):
         return value
     attachments = []
     for entry in _entries("attachments", value, allowed):
         known = mapping("attachments", entry, ("bone", *_PLACES, "name", "stiffness", "damping"))
-        bone = known.get("bone")
-        if not isinstance(bone, str):
+        bone = known.get("bone", "")
+        if not isinstance(bone, str) or ("bone" in known and not bone):
             raise ParameterError("attachments", f"found {repr(entry)[:60]}", f"allowed: {allowed}")
         attachments.append(
             Attachment(

@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.attachments import Binding
+from garment_sim_ros.garment.connectivity import adjacency
 from garment_sim_ros.garment.holds import Attachment, Elastic, Holds
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh_data import GarmentMesh
@@ -50,16 +52,6 @@ def listed_pins(
     springs: list[tuple[float, float]] = []
     marks: dict[str, IntArray] = {}
     for attachment in attachments:
-        joint = measures.body.humanoid.get(attachment.bone, attachment.bone)
-        owner = int(bones.owner[measures.body.rig.index(joint)])
-        frame = bones.names[owner]
-        if frame not in binding.frames:
-            T = measures.T_world_joint[bones.joint[owner]]
-            binding = replace(
-                binding,
-                frames=(*binding.frames, frame),
-                T_world_frame=np.concatenate([binding.T_world_frame, T[None]]),
-            )
         what = f"garment {name!r}: attachment {attachment.title!r}"
         found = vertices_at(attachment.place, mesh, measures, upper, what)
         twice = sorted({*found.tolist()} & {*pins}) or len(np.unique(found)) < len(found)
@@ -67,7 +59,20 @@ def listed_pins(
             raise GeometryError(f"{what}: attached vertices are listed twice; allowed: once")
         marks[_free(attachment.title, marks)] = found
         pins += found.tolist()
-        pin_frame += [binding.frames.index(frame)] * len(found)
+        if attachment.bone:
+            joint = measures.body.humanoid.get(attachment.bone, attachment.bone)
+            owner = int(bones.owner[measures.body.rig.index(joint)])
+            frame = bones.names[owner]
+            if frame not in binding.frames:
+                T = measures.T_world_joint[bones.joint[owner]]
+                binding = replace(
+                    binding,
+                    frames=(*binding.frames, frame),
+                    T_world_frame=np.concatenate([binding.T_world_frame, T[None]]),
+                )
+            pin_frame += [binding.frames.index(frame)] * len(found)
+        else:
+            pin_frame += _own_frames(mesh, binding, found)
         a = attachment
         springs += [
             (
@@ -77,6 +82,14 @@ def listed_pins(
         ] * len(found)
     spring = np.array(springs, dtype=np.float64).reshape(-1, 2)
     return np.array(pins, np.int32), np.array(pin_frame, np.int32), spring, binding, marks
+
+
+def _own_frames(mesh: GarmentMesh, binding: Binding, vertices: IntArray) -> list[int]:
+    """The frame of each of these vertices, the same for those that hang together."""
+    near = adjacency(mesh.triangles, len(mesh.vertices))[vertices][:, vertices]
+    count, part = connected_components(near, directed=False)
+    frame = [binding.heaviest(vertices[part == k]) for k in range(count)]
+    return [frame[k] for k in part]
 
 
 def listed_bands(

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from garment_sim_ros.arrays import AnyArray, FloatArray, IntArray
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.garment.colours import Colour
 from garment_sim_ros.garment.patterns.gates import strains
 from garment_sim_ros.garment.patterns.making import Made
@@ -27,6 +27,10 @@ _BANDS = (
 )
 """Strains up to which each colour stands, the colours, and what they mean."""
 PAPER, INK, _PIECE = "#ffffff", "#222222", "#dfe8f5"
+_GAP = 14
+"""Between flat pieces [pixel]."""
+_LARGEST = 420.0
+"""Height of the tallest piece [pixel]."""
 
 
 def dressed_picture(
@@ -92,34 +96,42 @@ def clothed(
 
 
 def draw_pieces(pieces: Pieces, width: int) -> Image.Image:
-    """The flat pieces of a pattern beside each other, with their triangles and names."""
-    gap = 14
+    """The flat pieces of a pattern in rows, with their triangles and names."""
     panels = list(pieces.pattern.panels.items())
-    extents = [np.ptp(panel.outline, axis=0) for _, panel in panels]
-    scale = (width - gap * (len(panels) + 1)) / sum(e[0] for e in extents)
-    scale = min(scale, 420.0 / max(e[1] for e in extents))
-    height = int(scale * max(e[1] for e in extents)) + 2 * gap + 18
-    picture = Image.new("RGB", (width, height), PAPER)
+    room = width - _GAP
+    words = np.array([min(text_font().getlength(n) + _GAP, room) for n, _ in panels])
+    extents = np.array([np.ptp(panel.outline, axis=0) for _, panel in panels])
+    rows: list[list[int]] = [[]]
+    for k in range(len(panels)):
+        if words[[*rows[-1], k]].sum() > room:
+            rows.append([])
+        rows[-1].append(k)
+    scale = _LARGEST / extents[:, 1].max()
+    while any(_cells(words[r], scale * extents[r, 0]).sum() > room + 1e-6 for r in rows):
+        scale *= 0.98
+    heights = [int(scale * extents[r, 1].max()) + 2 * _GAP + 18 for r in rows]
+    picture = Image.new("RGB", (width, sum(heights)), PAPER)
     draw = ImageDraw.Draw(picture)
-    left = float(gap)
-    for k, (name, panel) in enumerate(panels):
-        low = panel.outline.min(axis=0)
-
-        def on_sheet(x: AnyArray, left: float = left, low: AnyArray = low) -> AnyArray:
-            return np.stack(
-                [left + scale * (x[:, 0] - low[0]), height - gap - scale * (x[:, 1] - low[1])],
-                axis=1,
-            )
-
-        own = pieces.triangles[pieces.panel[pieces.triangles[:, 0]] == k]
-        at = on_sheet(pieces.flat)
-        for corners in at[own]:
-            draw.polygon([tuple(c) for c in corners], outline="#9fb2cc", fill=_PIECE)
-        outline = [tuple(p) for p in on_sheet(panel.outline)]
-        draw.line([*outline, outline[0]], fill=INK, width=2)
-        draw.text((left, 2), name, fill=INK, font=text_font())
-        left += scale * extents[k][0] + gap
+    for row, height, bottom in zip(rows, heights, np.cumsum(heights), strict=True):
+        lefts = _GAP + np.cumsum([0.0, *_cells(words[row], scale * extents[row, 0])])
+        for k, left in zip(row, lefts, strict=False):
+            name, panel = panels[k]
+            origin = scale * panel.outline.min(axis=0) * [1.0, -1.0]
+            corner = np.array([left, bottom - _GAP]) - origin
+            own = pieces.triangles[pieces.panel[pieces.triangles[:, 0]] == k]
+            at = corner + scale * pieces.flat * [1.0, -1.0]
+            for corners in at[own]:
+                draw.polygon([tuple(c) for c in corners], outline="#9fb2cc", fill=_PIECE)
+            outline = [tuple(p) for p in corner + scale * panel.outline * [1.0, -1.0]]
+            draw.line([*outline, outline[0]], fill=INK, width=2)
+            draw.text((left, bottom - height + 2), name, fill=INK, font=text_font())
     return picture
+
+
+def _cells(words: FloatArray, widths: FloatArray) -> FloatArray:
+    """Width of the place of each piece, its name and its gap [pixel]."""
+    cells: FloatArray = np.maximum(words, widths + _GAP)
+    return cells
 
 
 def text_font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:

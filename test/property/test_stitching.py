@@ -1,6 +1,7 @@
 """Stitches: the kernel beside its naive twin, and what they must not do."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive.naive_stitching import draw_together as naive
 
-from garment_sim_ros.sim.holds.stitching import draw_together
+from garment_sim_ros.sim.holds.stitching import Stitching, draw_together
 
 
 def scene(seed, n=40, stitches=9):
@@ -49,3 +50,16 @@ def test_momentum_stays_and_gaps_close(seed):
     assert (mass[:, None] * x).sum(axis=0) == pytest.approx(before[1], abs=1e-6)
     for a, b in pairwise(start):
         assert np.ptp(x[member[a:b]], axis=0) == pytest.approx(0.0, abs=1e-5)
+
+
+def test_nothing_moves_as_stitches_begin_whatever_particles_weigh():
+    """Vertices at the corner of a panel weigh a sixth of those inside."""
+    x, v, weight, member, start, *_ = scene(3)
+    stitch = np.full(len(x), -1, np.int32)
+    for k, (a, b) in enumerate(pairwise(start)):
+        stitch[member[a:b]] = k
+    model = SimpleNamespace(vertex=np.arange(len(x)), inverse_mass=weight)
+    v[:] = 0.0
+    state = SimpleNamespace(x=x.copy(), v=v)
+    Stitching(model, stitch).hold(state, 0.0, 1e-6)
+    assert state.x == pytest.approx(x, abs=1e-5)

@@ -15,7 +15,6 @@ from soak.avatar import Avatar
 from soak.report import Row, at_least, at_most
 
 SECOND = 10**9
-_PERIOD = SECOND // 60
 _CLIPS = ("walk", "walk:speed=0.8,path=straight", "walk:path=in_place", "walk:speed=1.7")
 """Of one skeleton; from one to the next the body jumps, and its clothes are put on again."""
 _CLIP = 20.0
@@ -27,6 +26,7 @@ _GROWTH = 16.0
 
 
 def run(lengths):
+    period = SECOND // lengths.rate
     names, told = ("collider_node", "cloth_node"), []
     with Avatar("/soak_hours") as avatar:
         avatar.start("collider_node", lossless=True)
@@ -41,7 +41,7 @@ def run(lengths):
         for hour in range(lengths.hours):
             end = begun + round((hour + 1) * lengths.hour * SECOND)
             while stamp < end and time.monotonic() - began < lengths.longest:
-                stamp += _PERIOD
+                stamp += period
                 at = (stamp - begun) / SECOND
                 values = samplers[int(at / _CLIP) % len(samplers)].sample(at % _CLIP)
                 avatar.probe.publish(JOINT_STATES, message.fill(stamp, values))

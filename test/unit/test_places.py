@@ -59,6 +59,24 @@ def test_cuffs_neck_and_shoulders_of_a_shirt(tmp_path, body):
     assert set(both.marks["elastic cuffs"]) == left | right
 
 
+def test_without_a_bone_what_is_attached_follows_the_skin_there(tmp_path, body):
+    usual = made(tmp_path, body, "")
+    told = made(tmp_path, body, "    attachments: [{loop: 0}]\n")
+    assert np.array_equal(np.sort(told.pins), np.sort(usual.pins))
+    frames = [{g.frames[k] for k in g.pin_frame} for g in (usual, told)]
+    assert frames[0] == frames[1]
+    assert len(frames[0]) == 1
+    assert list(told.marks) == ["loop 0"]
+    shirt = made(tmp_path, body, "    attachments: [{rule: cuffs}, {rule: neck}]\n", "tshirt")
+    y = shirt.vertices[shirt.pins, 1]
+    low = shirt.vertices[shirt.pins, 2] < shirt.vertices[shirt.pins, 2].mean()
+    arms = [body.humanoid[f"{side}UpperArm"] for side in ("left", "right")]
+    frame = np.array(shirt.frames)[shirt.pin_frame]
+    assert set(frame[low & (y > 0)]) == {arms[0]}
+    assert set(frame[low & (y < 0)]) == {arms[1]}
+    assert not set(frame[~low]) & {*arms}
+
+
 def test_a_band_lies_between_its_heights(tmp_path, body):
     skirt = made(tmp_path, body, "    attachments: [{bone: hips, band: [0.9, 0.95]}]\n")
     z = skirt.vertices[:, 2] - body.skin.vertices[:, 2].min()

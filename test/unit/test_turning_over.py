@@ -10,7 +10,7 @@ from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.patterns.garmentcode import read_garmentcode
 from garment_sim_ros.garment.patterns.pieces import cut
 from garment_sim_ros.garment.patterns.placing import placed_clear
-from garment_sim_ros.garment.patterns.turning_over import facing_outwards
+from garment_sim_ros.garment.patterns.turning_over import facing_outwards, unfolded
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import edge_table
 from test.unit.test_rolled_tubes import TRUNK
@@ -117,3 +117,59 @@ def test_a_panel_drawn_counter_clockwise_is_not_turned(tmp_path):
     panels = {n: replace(p, clockwise=False) for n, p in drawn.panels.items()}
     other = replace(drawn, panels=panels)
     assert facing_outwards(other, BODY) is other  # it is refused when it is placed
+
+
+def with_lapels(tmp_path, *, whole=True):
+    """Lapels over the front edges, folded outwards, which are sewn to each other at the nape."""
+    path = tmp_path / "halves.json"
+    read(tmp_path, mirrored=False)
+    content = json.loads(path.read_text())
+    pattern = content["pattern"]
+    corners = [[0, 0], [8, 0], [8, 40], [0, 45]]
+    edges = [{"endpoints": [i, (i + 1) % 4]} for i in range(4)]
+    for name, sign in (("lapel_left", 1), ("lapel_right", -1)):
+        back = [{"endpoints": edge["endpoints"][::-1]} for edge in edges]
+        pattern["panels"][name] = {
+            "translation": [0, 90, 25],
+            "rotation": [0, 0, 0],
+            "vertices": [[sign * x, y] for x, y in corners],
+            "edges": edges if sign > 0 else back,
+        }
+    left = [{"panel": "left", "edge": 4}, {"panel": "lapel_left", "edge": 3}]
+    right = [{"panel": "right", "edge": 4}, {"panel": "lapel_right", "edge": 3}]
+    pattern["stitches"] = [
+        *(s for s in pattern["stitches"] if {e["panel"] for e in s} != {"left", "right"}),
+        [*left, "right_wrong"],
+        [*right, *(["right_wrong"] if whole else [])],
+        [{"panel": "lapel_left", "edge": 2}, {"panel": "lapel_right", "edge": 2}],
+    ]
+    path.write_text(json.dumps(content))
+    return read_garmentcode(path)
+
+
+def test_folded_panels_are_turned_over_so_that_the_surface_has_one_outside(tmp_path):
+    drawn = with_lapels(tmp_path)
+    with pytest.raises(GeometryError, match="no surface with one outside"):
+        cut(drawn, 0.06)
+    made = unfolded(facing_outwards(drawn, BODY))
+    assert {n for n, p in made.panels.items() if p.folded} == {"lapel_left", "lapel_right"}
+    assert not any(s.turned for s in made.stitches)
+    for name in ("lapel_left", "lapel_right"):
+        was, now = drawn.panels[name].placement, made.panels[name].placement
+        assert now.T_world_panel[:3, 2] == pytest.approx(-was.T_world_panel[:3, 2])
+        assert made.panels[name].outwards == pytest.approx(was.T_world_panel[:3, 2])
+    pieces = cut(made, 0.06)
+    t = pieces.sewn_triangles
+    half_edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
+    assert len(np.unique(half_edges, axis=0)) == len(half_edges)
+    clear, x = placed_clear(pieces, BODY, "a column")
+    assert BODY.signed_distance(x)[0].min() > 0.0
+    lapel = [*clear.pattern.panels].index("lapel_left")
+    assert x[clear.panel == lapel, 0].min() > 0.0  # before the body, as it was drawn
+
+
+def test_seams_that_leave_no_outside_are_refused(tmp_path):
+    drawn = with_lapels(tmp_path, whole=False)
+    assert unfolded(drawn) is drawn
+    with pytest.raises(GeometryError, match="no surface with one outside"):
+        cut(drawn, 0.06)

@@ -13,6 +13,7 @@ from garment_sim_ros.garment.patterns import sewing
 from garment_sim_ros.garment.patterns.gates import LIMITS, gates
 from garment_sim_ros.garment.patterns.ironing import ironed, self_intersections
 from garment_sim_ros.garment.patterns.making import DRAFTS, Model, make
+from garment_sim_ros.garment.patterns.parted import has_legs
 from garment_sim_ros.garment.patterns.pieces import cut
 from garment_sim_ros.garment.patterns.placing import CLEARANCE, placed_clear
 from garment_sim_ros.garment.patterns.sewing import sew
@@ -224,6 +225,17 @@ def test_each_gate_closes_on_what_it_is_for(tshirt, model, figure, spoil):
     found = gates(spoiled, model.skin, model.body.skin.triangles, model.colliders, model.poses)
     assert figure in found.failed
     assert any(line.startswith("FAIL " + figure) for line in found.lines())
+
+
+@pytest.mark.parametrize("name", sorted(DRAFTS))
+def test_legs_are_told_from_sleeves_and_skirts_without_labels(model, name):
+    pattern = DRAFTS[name].make(model.tape())
+    bare = {
+        n: replace(panel, edges=tuple(replace(e, label="") for e in panel.edges))
+        for n, panel in pattern.panels.items()
+    }
+    pieces = cut(replace(pattern, panels=bare), 0.04)
+    assert has_legs(pieces, model.skin) is (name == "trousers")
 
 
 def test_drafts_are_named_and_made(model):

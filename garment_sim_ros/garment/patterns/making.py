@@ -29,7 +29,7 @@ from garment_sim_ros.garment.patterns.drafts.trousers import trousers
 from garment_sim_ros.garment.patterns.drafts.tshirt import long_sleeved_shirt, tshirt
 from garment_sim_ros.garment.patterns.garmentcode import read_garmentcode
 from garment_sim_ros.garment.patterns.gates import Gates, gates
-from garment_sim_ros.garment.patterns.parted import parted
+from garment_sim_ros.garment.patterns.parted import has_legs, parted
 from garment_sim_ros.garment.patterns.pattern import Pattern
 from garment_sim_ros.garment.patterns.pieces import Pieces, cut, edge_length_for
 from garment_sim_ros.garment.patterns.place_checks import check_band, check_near, check_ways
@@ -39,7 +39,7 @@ from garment_sim_ros.garment.patterns.sewing import PRESET, Sewn, Tell, sew
 from garment_sim_ros.garment.patterns.staying_up import check_up
 from garment_sim_ros.garment.patterns.tape import Tape, measured
 from garment_sim_ros.garment.patterns.tautness import tautest
-from garment_sim_ros.garment.patterns.turning_over import facing_outwards
+from garment_sim_ros.garment.patterns.turning_over import facing_outwards, unfolded
 from garment_sim_ros.garment.sewn_file import write_sewn
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.input_file import said_of
@@ -47,8 +47,8 @@ from garment_sim_ros.params import ColliderOptions, Material
 from garment_sim_ros.sim.placement import find_frames
 from garment_sim_ros.sim.simulation import Simulation
 
-_OF_LEGS = ("inseam", "crotch")
-"""Labels of edges that garments with legs have."""
+_OF_FILES = "polyester"
+"""Fabric of patterns from files: woven, as patterns with darts are drafted for."""
 _OF_TOPS = 0.004
 """Thickness that shirts are worn with [m]: bends at the shoulders leave some millimetres of skin
 outside of hulls, and a skirt below stays below."""
@@ -267,7 +267,7 @@ def pattern_for(source: str | Path, model: Model) -> tuple[Pattern, str, int]:
         check(pattern)
         return pattern, draft.fabric, draft.vertices
     if Path(source).suffix.lower() == ".json":
-        return read_garmentcode(source), "cotton_jersey", 0
+        return read_garmentcode(source), _OF_FILES, 0
     raise ParameterError(
         "garment", f"found {str(source)[:80]!r}", f"allowed: {', '.join(DRAFTS)}, or a .json file"
     )
@@ -287,7 +287,7 @@ def make(
         source: The name of a draft, or a GarmentCode file.
         model: The body.
         edge_length: Length of edges [m]; None: as the draft has it, `EDGE_LENGTH` for files.
-        fabric: Name of its fabric; None: as the draft has it, cotton jersey for files.
+        fabric: Name of its fabric; None: as the draft has it, `_OF_FILES` for files.
         tell: Is told the phase and how far it is.
 
     Raises:
@@ -301,16 +301,16 @@ def make(
     pattern, usual, vertices = pattern_for(source, model)
     told = nullcontext() if str(source) in DRAFTS else said_of(source)
     fabric = fabric or usual
-    if any(e.label in _OF_LEGS for p in pattern.panels.values() for e in p.edges):
-        model = model.for_legs(PRESETS[fabric].material)
     skin, triangles, name = model.skin, model.body.skin.triangles, model.body.name
     with model.doubted(), told:
         check_near(pattern, model.distance, skin, name)
-        pattern = facing_outwards(pattern, model.distance)
+        pattern = unfolded(facing_outwards(pattern, model.distance))
         pattern = rolled_tubes(pattern, skin, triangles, name)
         if edge_length is None:
             edge_length = edge_length_for(pattern, vertices) if vertices else EDGE_LENGTH
         pieces = cut(pattern, edge_length)
+        if has_legs(pieces, skin):
+            model = model.for_legs(PRESETS[fabric].material)
         tell("cutting", 1.0)
         pieces, placed = placed_clear(pieces, model.distance, name)
         check_ways(pieces, placed, model.distance, name)

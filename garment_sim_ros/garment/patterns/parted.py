@@ -12,10 +12,38 @@ from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.contact.kinds.sdf import SDF
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.garment.patterns.pieces import Pieces
+from garment_sim_ros.geometry.topology import boundary_loops
 from garment_sim_ros.geometry.transforms import transform_from, transform_points
 
+_LOW, _INNER = 0.5, 0.18
+"""A leg's opening is lower than this, and not so far aside, in heights of the body."""
+_ONE_SIDE = 0.9
+"""Share of its vertices that are on one side of the mid-plane."""
 _BELOW, _ABOVE = 0.03, 0.05
 """How far the trunk reaches below the crotch, and legs above it [m]: parts overlap."""
+
+
+def has_legs(pieces: Pieces, skin: FloatArray) -> bool:
+    """Whether a garment has an opening around each leg, as trousers and overalls have.
+
+    Args:
+        pieces: The cut pattern.
+        skin: The body's skin [m], shape [v, 3].
+    """
+    floor, height = float(skin[:, 2].min()), float(np.ptp(skin[:, 2]))
+    mid = 0.5 * float(skin[:, 1].min() + skin[:, 1].max())
+    count = int(pieces.welded.max()) + 1
+    shared = np.bincount(pieces.welded, minlength=count)
+    x = np.stack([np.bincount(pieces.welded, c) / shared for c in pieces.placed().T], axis=1)
+    sides = set()
+    for loop in boundary_loops(pieces.sewn_triangles):
+        y, z = x[loop, 1] - mid, x[loop, 2] - floor
+        if z.mean() < _LOW * height and abs(y.mean()) < _INNER * height:
+            left = float((y > 0.0).mean())
+            if max(left, 1.0 - left) > _ONE_SIDE:
+                sides.add(left > _ONE_SIDE)
+    return len(sides) == 2
 
 
 def parted(

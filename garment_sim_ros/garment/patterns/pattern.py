@@ -146,6 +146,7 @@ class Panel:
         grain: Direction of the warp in its plane, shape [2].
         label: The body part that it covers, as "body", "arm" or "leg"; empty: not told.
         clockwise: Whether its file draws it clockwise, which puts its right side backwards.
+        folded: Whether its stitches fold it over, as a lapel, so that its outside faces the body.
     """
 
     name: str
@@ -155,6 +156,7 @@ class Panel:
     grain: tuple[float, float] = (0.0, 1.0)
     label: str = ""
     clockwise: bool = False
+    folded: bool = False
 
     @cached_property
     def curves(self) -> tuple[FloatArray, ...]:
@@ -175,6 +177,12 @@ class Panel:
     def area(self) -> float:
         """Its area [m^2]; below 0 where it runs clockwise."""
         return signed_area(self.outline)
+
+    @property
+    def outwards(self) -> FloatArray:
+        """Unit vector away from the body where it starts, shape [3]."""
+        normal: FloatArray = self.placement.T_world_panel[:3, 2]
+        return -normal if self.folded else normal
 
     def shifted(self, x: float) -> "Panel":
         """The same, drawn so much farther along x [m], its placement as it is."""

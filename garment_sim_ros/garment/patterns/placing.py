@@ -61,7 +61,8 @@ def placed_clear(pieces: Pieces, body: MeshDistance, body_name: str) -> tuple[Pi
         own = pieces.panel == k
         triangles = pieces.triangles[own[pieces.triangles[:, 0]]] - int(np.flatnonzero(own)[0])
         what = f"pattern {pattern.name!r}: panel {name!r}"
-        _check_side(what, x[own], triangles, body, body_name)
+        if not panel.folded:
+            _check_side(what, x[own], triangles, body, body_name)
         if panel.placement.rolled:
             place = _down_the_limb(what, panel, pieces.flat[own], body, body_name)
         else:
@@ -149,7 +150,7 @@ def _lift(pieces: Pieces, body: MeshDistance) -> float:
 
 def _on_top(pieces: Pieces) -> IntArray:
     """Pairs of sewn vertices of the highest seams between panels that face opposite ways."""
-    normal = [p.placement.T_world_panel[:3, 2] for p in pieces.pattern.panels.values()]
+    normal = [p.outwards for p in pieces.pattern.panels.values()]
     x = pieces.placed()
     found = []
     for pairs in pieces.seams:
@@ -179,7 +180,7 @@ def _way_out(
     what: str, panel: Panel, x: FloatArray, body: MeshDistance, body_name: str
 ) -> FloatArray:
     """How far to move a panel [m], shape [3]."""
-    direction, clear = panel.placement.T_world_panel[:3, 2], CLEARANCE
+    direction, clear = panel.outwards, CLEARANCE
     # What is farther away than it need be has a longer way to go as it is sewn.
     moved = min(0.0, clear - float(body.signed_distance(x)[0].min()))
     for _ in range(_STEPS):

@@ -1,4 +1,8 @@
-"""Panels that were drawn as the mirror image of another one, their right side turned outwards.
+"""Panels of which another side becomes the outside than the one that was drawn.
+
+Seams of a folded piece, as of a lapel, join the right side of one panel to the wrong side of the
+other. A surface has one outside: the folded panels are turned over, so that it goes on behind the
+fold, and their right sides are what is seen.
 
 Who draws one half of a front as the mirror image of the other keeps the order of its corners: its
 outline runs clockwise then, which puts its right side backwards (`garmentcode`). Where it starts
@@ -7,6 +11,7 @@ taken as seen from outside.
 """
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -16,6 +21,49 @@ from garment_sim_ros.geometry.mesh_distance import MeshDistance
 
 INWARDS = -0.2
 """Mean cosine of right side and way out of the body below which a panel faces the body."""
+
+
+def unfolded(pattern: Pattern) -> Pattern:
+    """A pattern, those of its panels turned over that stitches fold over.
+
+    Where no choice of panels gives one outside, it stays as it is, and `pieces.cut` says so.
+
+    Args:
+        pattern: A pattern from a file.
+    """
+    if not any(stitch.turned for stitch in pattern.stitches):
+        return pattern
+    ways: dict[str, list[tuple[str, bool]]] = {name: [] for name in pattern.panels}
+    for stitch in pattern.stitches:
+        for a, b in product(*stitch.sides):
+            ways[a.panel].append((b.panel, stitch.turned))
+            ways[b.panel].append((a.panel, stitch.turned))
+    over: dict[str, bool] = {}
+    folded: set[str] = set()
+    for name in pattern.panels:
+        if name in over:
+            continue
+        over[name], part = False, [name]
+        for at in part:
+            for other, turned in ways[at]:
+                if other not in over:
+                    over[other] = over[at] ^ turned
+                    part.append(other)
+                elif over[other] != over[at] ^ turned:
+                    return pattern
+        sides = [{n for n in part if over[n] is side} for side in (False, True)]
+        # What is folded over is the smaller part of a garment.
+        folded |= min(sides, key=lambda side: sum(pattern.panels[n].area for n in side))
+    panels = {
+        n: replace(_turned_over(p), folded=True) if n in folded else p
+        for n, p in pattern.panels.items()
+    }
+    counts = {n: len(pattern.panels[n].edges) for n in folded}
+    return replace(
+        pattern,
+        panels=panels,
+        stitches=tuple(_followed(s, counts) for s in pattern.stitches),
+    )
 
 
 def facing(x: FloatArray, normal: FloatArray, body: MeshDistance) -> float:
@@ -42,7 +90,7 @@ def facing_outwards(pattern: Pattern, body: MeshDistance) -> Pattern:
     over = {
         name
         for name, panel in pattern.panels.items()
-        if panel.clockwise and _faces(panel, body) < INWARDS
+        if panel.clockwise and not panel.folded and _faces(panel, body) < INWARDS
     }
     if not over:
         return pattern

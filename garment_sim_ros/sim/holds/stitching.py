@@ -119,7 +119,9 @@ class Stitching(Constraint):
         points = x[self.member].astype(np.float64)
         size = np.diff(self.start)
         owner = np.repeat(np.arange(len(size)), size)
-        centre = np.stack([np.bincount(owner, c) / size for c in points.T], axis=1)
+        mass = 1.0 / np.maximum(self._weight[self.member].astype(np.float64), 1e-12)
+        total = np.bincount(owner, mass)
+        centre = np.stack([np.bincount(owner, mass * c) / total for c in points.T], axis=1)
         apart = np.linalg.norm(points - centre[owner], axis=1)
         return np.maximum.reduceat(apart, self.start[:-1]).astype(np.float32)
 
