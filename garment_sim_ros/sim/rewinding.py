@@ -35,6 +35,8 @@ _OFF = 3
 """The same where it is off the body: it falls as long as that is waited for."""
 _ROLLED_UP = 8
 """The same where it rode up: it falls again in that time, if it is loose."""
+_FALLS = 4
+"""Looks since it was upside down in which it is not off the body: turned over, it falls again."""
 _PULLED_AGAIN = 3
 """Looks from one try to pull it down to the next."""
 _CALM = 0.5
@@ -74,6 +76,7 @@ class _Record:
     first: Kept | None = None
     count: int = 0
     is_off: bool = False
+    upright: int = 1000
     up: int = 0
     calm: int = 0
     tries: int = 0
@@ -160,8 +163,12 @@ class Rewinding:
         broken = []
         for name, record in self._records.items():
             record.cores = self._through(name, posed[name], poses)
-            record.is_off = record.openings.lost(posed[name], poses)
-            record.up = record.up + 1 if self._rode_up(name, posed[name], poses) else 0
+            record.upright = (
+                0 if self._is_upside_down(name, posed[name], poses) else (record.upright + 1)
+            )
+            record.is_off = record.upright > _FALLS and record.openings.lost(posed[name], poses)
+            rode_up = record.upright > _FALLS and self._rode_up(name, posed[name], poses)
+            record.up = record.up + 1 if rode_up else 0
             if record.up:
                 record.calm = record.calm + 1 if self._is_calm(name, poses) else 0
             if record.cores or record.is_off:
@@ -265,6 +272,10 @@ class Rewinding:
     def _rode_up(self, name: str, x: SingleArray, poses: ColliderPoses) -> bool:
         T = self._worn[name].frames.world(poses)
         return self._records[name].riding_up.rode_up(x, T, self._gravity)
+
+    def _is_upside_down(self, name: str, x: SingleArray, poses: ColliderPoses) -> bool:
+        T = self._worn[name].frames.world(poses)
+        return self._records[name].riding_up.is_upside_down(x, T, self._gravity)
 
     def _is_calm(self, name: str, poses: ColliderPoses) -> bool:
         frames = self._worn[name].frames

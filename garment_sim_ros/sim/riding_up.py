@@ -97,13 +97,29 @@ class RidingUp:
             T_world_frame: Transforms of the garment's frames, shape [b, 4, 4].
             gravity: Of the world [m/s^2], shape [3].
         """
+        length, now, below = self._sums_of(x, T_world_frame, gravity)
+        return bool(((below > _BELOW * length) & (now < _RODE_UP * length)).any())
+
+    def is_upside_down(
+        self, x: SingleArray, T_world_frame: FloatArray, gravity: FloatArray
+    ) -> bool:
+        """Whether gravity turns the garment over: as skin a hem would be above what holds it.
+
+        Arguments as those of `rode_up`.
+        """
+        return bool((self._sums_of(x, T_world_frame, gravity)[2] < 0.0).any())
+
+    def _sums_of(
+        self, x: SingleArray, T_world_frame: FloatArray, gravity: FloatArray
+    ) -> FloatArray:
+        """What `sums_over_hems` finds, shape [3, h]; zeros where nothing has weight."""
         strength = float(np.linalg.norm(gravity))
         if strength == 0.0:
-            return False
+            self._sums[:] = 0.0
+            return self._sums.T
         skin = blend(self._garment, T_world_frame, np.concatenate([self._vertex, self._held]))
         sums_over_hems(
             *(x, self._vertex, self._held, self._first),
             *(skin.reshape(2, -1, 3), gravity / strength, self._sums),
         )
-        length, now, below = self._sums.T
-        return bool(((below > _BELOW * length) & (now < _RODE_UP * length)).any())
+        return self._sums.T

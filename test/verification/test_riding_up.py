@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses
+from garment_sim_ros.sim.openings import Openings
 from garment_sim_ros.sim.rewinding import Rewinding
 from garment_sim_ros.sim.riding_up import RidingUp
 from garment_sim_ros.sim.simulation import Simulation
@@ -64,6 +65,38 @@ def test_it_follows_the_body(cloth):
     assert not RidingUp(garment).rode_up(x, over, -DOWN)
     rolled = rolled_up(garment.vertices, 0.8) * [1.0, -1.0, -1.0]
     assert RidingUp(garment).rode_up(rolled, over, -DOWN)
+
+
+def test_what_gravity_turns_over_is_told(cloth):
+    garment = skirt(cloth)
+    over = np.diag([1.0, -1.0, -1.0, 1.0])[None]
+    x = garment.vertices
+    for T, gravity, told in [(BONE, DOWN, False), (BONE, -DOWN, True), (over, DOWN, True)]:
+        assert RidingUp(garment).is_upside_down(x, T, gravity) is told
+    assert not RidingUp(garment).is_upside_down(x, over, -DOWN)
+    assert not RidingUp(garment).is_upside_down(x, BONE, 0.0 * DOWN)
+
+
+def test_a_body_upside_down_has_its_skirt_turned_over_not_off(cloth, monkeypatch):
+    """Legs are through no hem then. Upright again, the skirt has 0.27 s to fall."""
+    simulation = put_on(cloth, "xpbd")
+    lost = []
+    monkeypatch.setattr(Openings, "lost", lambda *_: bool(lost))
+    here = ColliderPoses.identity(len(simulation.collider_set))
+    came_off = []
+    for n in range(120):
+        turn = np.pi * np.clip([n / 30, (90 - n) / 30], 0.0, 1.0).min()
+        there = here.copy()
+        there.orientation[:] = [np.sin(turn / 2), 0.0, 0.0, np.cos(turn / 2)]
+        there.position[:, 2] = 1.0 - np.cos(turn)
+        there.position[:, 1] = np.sin(turn)
+        lost += [True] * (n == 30)
+        simulation.advance(here, there, FRAME)
+        came_off.append(simulation["cloth"].health.came_off)
+        here = there
+    # Upright from the 76th frame on, when it is turned back by more than half.
+    assert came_off[75 + 16] == 0
+    assert came_off[75 + 16 + 16] == 1
 
 
 def test_short_sleeves_and_cloth_that_nothing_holds_have_no_such_hem(cloth):
