@@ -16,7 +16,7 @@ from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.geometry.transforms import transform_points
 
 MAX_VERTICES = 1_000_000
-"""Largest number of vertices and of polygons in one garment."""
+"""Largest number of vertices and of triangles in one garment."""
 
 
 def read_polygons(path: str | Path) -> Polygons:
@@ -36,10 +36,10 @@ def read_polygons(path: str | Path) -> Polygons:
     if suffix not in readers:
         raise InputFileError(path, f"has type {suffix!r}", "allowed: " + ", ".join(readers))
     polygons = readers[suffix](path)
-    v, p = len(polygons.vertices), len(polygons.sizes)
-    if max(v, p) > MAX_VERTICES:
+    v, t = len(polygons.vertices), int(np.maximum(polygons.sizes - 2, 0).sum())
+    if max(v, t) > MAX_VERTICES:
         raise InputFileError(
-            path, f"has {v} vertices and {p} polygons", f"allowed: up to {MAX_VERTICES} each"
+            path, f"has {v} vertices and {t} triangles", f"allowed: up to {MAX_VERTICES} each"
         )
     return polygons
 

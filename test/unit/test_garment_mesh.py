@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from garment_sim_ros.errors import InputFileError
+from garment_sim_ros.garment import polygon_files
 from garment_sim_ros.garment.mesh import load_garment_mesh
 
 QUAD = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
@@ -254,3 +255,16 @@ def test_edge_length(tmp_path):
     assert mesh.vertices[:4].tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
     with pytest.raises(InputFileError, match="triangles; allowed: a longer edge"):
         load_garment_mesh(obj(tmp_path, QUAD), edge_length=1e-4)
+
+
+def test_polygons_count_as_the_triangles_that_they_become(tmp_path, monkeypatch):
+    """What is written afterwards, in triangles, can be read again."""
+    monkeypatch.setattr(polygon_files, "MAX_VERTICES", 5)
+    path = tmp_path / "fan.obj"
+    path.write_text(
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nf 1 2 3 4\nf 1 2 5\nf 2 3 5\nf 3 4 5\n"
+    )
+    assert len(polygon_files.read_polygons(path).sizes) == 4
+    path.write_text(path.read_text() + "f 4 1 5\n")
+    with pytest.raises(InputFileError, match="5 vertices and 6 triangles; allowed: up to 5 each"):
+        polygon_files.read_polygons(path)
