@@ -1,16 +1,14 @@
 """A recorded avatar: what its topics said, read back from the bag."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.typesys import Stores, get_typestore
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.colliders.description import from_json
@@ -18,27 +16,13 @@ from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import InputFileError, MessageError
 from garment_sim_ros.geometry.transforms import interpolate_poses
 from garment_sim_ros.mocap.bag_file import Bag, opened_bag
-from garment_sim_ros.recording.message_bytes import read_diagnostics, read_poses
+from garment_sim_ros.recording.bag_messages import Messages, messages_of, read_at_once
 from garment_sim_ros.stamps import nanoseconds
 
 _UNIT = 1e-2
 """How far the length of a quaternion may be from 1."""
-_TYPES = {
-    "robot_description": "std_msgs/msg/String",
-    "collider_description": "std_msgs/msg/String",
-    "collider_poses": "geometry_msgs/msg/PoseArray",
-    "joint_states": "sensor_msgs/msg/JointState",
-    "quality": "diagnostic_msgs/msg/DiagnosticArray",
-    "topology": "shape_msgs/msg/Mesh",
-    "points": "sensor_msgs/msg/PointCloud2",
-}
-_OWN_READERS: dict[str, Callable[[bytes], Any]] = {
-    "collider_poses": read_poses,
-    "quality": read_diagnostics,
-}
-
-_Messages = Callable[[str], Iterator[tuple[str, int, Any]]]
-"""All messages on topics with an ending: topic, time of arrival [ns] and message of each."""
+_MOST_HELD = 2**28
+"""Positions of a recording up to so large are held as they are read, not read twice."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,7 +157,10 @@ def read_shown(path: str | Path, *, most_frames: int, most_bytes: int) -> Shown:
         InputFileError: Not a bag, or one without garments.
     """
     with opened_bag(path) as reader:
-        messages = _messages_of(reader, path)
+        messages = read_at_once(
+            messages_of(reader, path),
+            *("topology", "quality", "collider_description", "collider_poses"),
+        )
         stamp, garments = _garments(messages, path, (0, 2**63 - 1), most_frames, most_bytes)
         try:
             times, quality = _quality_over_time(messages)
@@ -189,7 +176,7 @@ def read_shown(path: str | Path, *, most_frames: int, most_bytes: int) -> Shown:
 
 
 def _quality_over_time(
-    messages: _Messages,
+    messages: Messages,
 ) -> tuple[NDArray[np.int64], dict[str, dict[str, FloatArray]]]:
     stamps: list[int] = []
     found: dict[tuple[str, str], dict[int, float]] = defaultdict(dict)
@@ -206,29 +193,8 @@ def _quality_over_time(
     return np.array(stamps, np.int64), dict(quality)
 
 
-def _messages_of(reader: Bag, path: str | Path) -> _Messages:
-    """How messages of an opened bag are asked for by the endings of their topics."""
-    types = get_typestore(Stores.ROS2_JAZZY)
-
-    def messages(ending: str) -> Iterator[tuple[str, int, Any]]:
-        kind = _TYPES[ending]
-        read = _OWN_READERS.get(ending, partial(types.deserialize_cdr, typename=kind))
-        connections = [
-            c for c in reader.connections
-            if c.topic.endswith("/" + ending) and c.msgtype == kind
-        ]  # fmt: skip
-        found = False
-        for connection, arrival, data in reader.messages(connections) if connections else ():
-            found = True
-            yield connection.topic, arrival, read(data)
-        if not found:
-            raise InputFileError(path, f"no message on {ending}", "needed: an avatar's topics")
-
-    return messages
-
-
 def _read(reader: Bag, path: str | Path, most_frames: int, dressed: bool) -> Recording:
-    messages = _messages_of(reader, path)
+    messages = messages_of(reader, path)
     description = next(messages("robot_description"))[2].data
     names, joint_stamp, joint_values = _joints(
         message for _, _, message in messages("joint_states")
@@ -254,7 +220,7 @@ def _read(reader: Bag, path: str | Path, most_frames: int, dressed: bool) -> Rec
     )
 
 
-def _quality(messages: _Messages) -> dict[str, dict[str, FloatArray]]:
+def _quality(messages: Messages) -> dict[str, dict[str, FloatArray]]:
     """Values over time of each key of each status."""
     quality: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for _, _, message in messages("quality"):
@@ -270,7 +236,7 @@ def _quality(messages: _Messages) -> dict[str, dict[str, FloatArray]]:
 
 
 def _garments(
-    messages: _Messages,
+    messages: Messages,
     path: str | Path,
     joints_known: tuple[int, int],
     most_frames: int,
@@ -284,19 +250,23 @@ def _garments(
     arrivals: dict[str, list[int]] = {name: [] for name in shapes}
     stamps: dict[str, set[int]] = {name: set() for name in shapes}
     finite = dict.fromkeys(shapes, True)
+    held: dict[tuple[str, int], NDArray[np.float32]] = {}
+    left = _MOST_HELD
     for topic, arrival, message in messages("points"):
         name = _garment_of(topic)
         if name not in shapes:
             raise InputFileError(path, f"{topic} has no topology", "needed: an avatar's topics")
         x = _points(path, topic, message, len(shapes[name][0]))
         arrivals[name].append(arrival)
-        stamps[name].add(_nanoseconds(message))
+        stamps[name].add(time := _nanoseconds(message))
+        if (left := left - x.nbytes) >= 0:
+            held[name, time] = x
         finite[name] = finite[name] and bool(np.isfinite(x).all())
 
     # Before the first pose and after the last one it is not known where the body was.
     first, last = joints_known
     common = sorted(t for t in set.intersection(*stamps.values()) if first <= t <= last)
-    # A second pass rather than holding all positions: a long recording has too many.
+    # A second pass rather than holding all positions of a long recording.
     size = sum(vertices.size for vertices, _ in shapes.values()) * np.float32().itemsize
     most = min(most_frames, max(2, most_bytes // size))
     kept = common[:: max(1, -(-len(common) // most))]
@@ -305,10 +275,16 @@ def _garments(
         name: np.zeros((len(kept), len(vertices), 3), np.float32)
         for name, (vertices, _) in shapes.items()
     }
-    for topic, _, message in messages("points"):
-        if (k := place.get(_nanoseconds(message))) is not None:
-            name = _garment_of(topic)
-            positions[name][k] = _points(path, topic, message, len(shapes[name][0]))
+    if left >= 0:
+        for name, rows in positions.items():
+            for row, stamp in zip(rows, kept, strict=True):
+                row[:] = held[name, stamp]
+    else:
+        held.clear()
+        for topic, _, message in messages("points"):
+            if (k := place.get(_nanoseconds(message))) is not None:
+                name = _garment_of(topic)
+                positions[name][k] = _points(path, topic, message, len(shapes[name][0]))
     return np.array(kept, np.int64), {
         name: GarmentTrack(
             vertices=vertices,
@@ -321,7 +297,7 @@ def _garments(
     }
 
 
-def _colliders(messages: _Messages) -> ColliderTrack | None:
+def _colliders(messages: Messages) -> ColliderTrack | None:
     try:
         text = [message.data for _, _, message in messages("collider_description")][-1]
         colliders = from_json(text)
