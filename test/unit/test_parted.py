@@ -1,11 +1,13 @@
 """A body without bones, parted for trousers."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
-from garment_sim_ros.garment.patterns.parted import parted
+from garment_sim_ros.garment.patterns.parted import has_legs, parted
 
 CELL = 0.02
 NODES = CELL * (np.indices((21, 21, 51)).reshape(3, -1).T - [10.0, 10.0, 25.0])
@@ -45,3 +47,13 @@ def test_legs_are_on_their_sides_and_below(parts):
         "body_left_leg": [1.0, -1.0, 1.0],
         "body_right_leg": [1.0, 1.0, -1.0],
     }
+
+
+def test_openings_that_touch_are_no_legs():
+    x = np.array([[0.0, y, 0.3] for y in (-0.2, -0.1, 0.0, 0.1, 0.2)])
+    pieces = SimpleNamespace(
+        welded=np.arange(5),
+        sewn_triangles=np.array([[0, 1, 2], [2, 3, 4]], np.int32),
+        placed=lambda: x,
+    )
+    assert not has_legs(pieces, np.array([[0.0, -0.5, 0.0], [0.0, 0.5, 1.7]]))

@@ -12,6 +12,7 @@ from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.contact.kinds.distance_grid import DistanceGrid
 from garment_sim_ros.contact.kinds.sdf import SDF
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.patterns.pieces import Pieces
 from garment_sim_ros.geometry.topology import boundary_loops
 from garment_sim_ros.geometry.transforms import transform_from, transform_points
@@ -37,7 +38,11 @@ def has_legs(pieces: Pieces, skin: FloatArray) -> bool:
     shared = np.bincount(pieces.welded, minlength=count)
     x = np.stack([np.bincount(pieces.welded, c) / shared for c in pieces.placed().T], axis=1)
     sides = set()
-    for loop in boundary_loops(pieces.sewn_triangles):
+    try:
+        loops = boundary_loops(pieces.sewn_triangles)
+    except GeometryError:  # openings that touch
+        return False
+    for loop in loops:
         y, z = x[loop, 1] - mid, x[loop, 2] - floor
         if z.mean() < _LOW * height and abs(y.mean()) < _INNER * height:
             left = float((y > 0.0).mean())

@@ -90,7 +90,7 @@ def facing_outwards(pattern: Pattern, body: MeshDistance) -> Pattern:
     over = {
         name
         for name, panel in pattern.panels.items()
-        if panel.clockwise and not panel.folded and _faces(panel, body) < INWARDS
+        if panel.clockwise and _faces(panel, body) < INWARDS
     }
     if not over:
         return pattern
