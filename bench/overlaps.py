@@ -53,11 +53,8 @@ class OverlapMeter:
     """Collects `inside` of one part alone, over frames and garments."""
 
     def __init__(self, skin: FloatArray, triangles: IntArray, meshes: Mapping[str, GarmentMesh]):
-        self._skin, self._triangles, self._meshes = (
-            MeshDistance(skin, triangles),
-            triangles,
-            meshes,
-        )
+        self._skin = MeshDistance(skin, triangles)
+        self._triangles, self._meshes = triangles, meshes
         self.shares: list[float] = []
 
     def add(self, skin: FloatArray, garments: Mapping[str, FloatArray]) -> None:

@@ -76,7 +76,7 @@ class _Record:
     first: Kept | None = None
     count: int = 0
     is_off: bool = False
-    upright: int = 1000
+    upright: int = _FALLS
     up: int = 0
     calm: int = 0
     tries: int = 0
@@ -163,9 +163,8 @@ class Rewinding:
         broken = []
         for name, record in self._records.items():
             record.cores = self._through(name, posed[name], poses)
-            record.upright = (
-                0 if self._is_upside_down(name, posed[name], poses) else (record.upright + 1)
-            )
+            turned_over = self._is_upside_down(name, posed[name], poses)
+            record.upright = 0 if turned_over else record.upright + 1
             record.is_off = record.upright > _FALLS and record.openings.lost(posed[name], poses)
             rode_up = record.upright > _FALLS and self._rode_up(name, posed[name], poses)
             record.up = record.up + 1 if rode_up else 0
