@@ -43,15 +43,15 @@ def avatar(start_node, tmp_path_factory):
 
 
 def test_garments_arrive_as_arrays():
-    words = [sys.executable, str(EXAMPLE), "skirt", "5", "--ros-args", "-r"]
+    words = [sys.executable, str(EXAMPLE), "skirt", "120", "--ros-args", "-r"]
     done = subprocess.run(
         [*words, f"__ns:={NAMESPACE}"], capture_output=True, text=True, check=False, timeout=300
     )
     assert done.returncode == 0, done.stderr
     frames = re.findall(r"(\d+) ns: 500 vertices about \[(.*)\] m", done.stdout)
-    assert len(frames) >= 5
+    assert len(frames) >= 120
     stamps = [int(stamp) for stamp, _ in frames]
-    # On a busy machine a frame may be published again as it is: never an older one.
+    # On a busy machine a frame may be published again, some times over: never an older one.
     assert stamps == sorted(stamps)
     assert len(set(stamps)) > 1
     assert all(0.3 < float(place.split()[2]) < 1.5 for _, place in frames)
