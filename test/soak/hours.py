@@ -30,7 +30,7 @@ def run(lengths):
     names, told = ("collider_node", "cloth_node"), []
     with Avatar("/soak_hours") as avatar:
         avatar.start("collider_node", lossless=True)
-        avatar.start("cloth_node", step_on="poses")
+        avatar.start("cloth_node", step_on="poses", preset=lengths.preset)
         clips = [load_clip(name) for name in _CLIPS]
         message = Joints(clips[0].rig.dofs.names, "world")
         avatar.probe.publish(ROBOT_DESCRIPTION, String(data=urdf_from_clip(clips[0])))

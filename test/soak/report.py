@@ -14,6 +14,7 @@ class Lengths:
         hours: Of simulated time.
         hour: Length of one of these [s].
         rate: Joint states a second of it, each of which a frame of cloth is made of.
+        preset: Of the cloth in it.
         rounds: Of configuring and cleaning up, for each node.
         kills: Of each node.
         jumps: Of the clock.
@@ -24,6 +25,7 @@ class Lengths:
     hours: int
     hour: float
     rate: int
+    preset: str
     rounds: int
     kills: int
     jumps: int
@@ -31,10 +33,26 @@ class Lengths:
 
 
 SHORT = Lengths(
-    minutes=1.0, hours=2, hour=60.0, rate=60, rounds=60, kills=1, jumps=10, longest=180.0
+    minutes=1.0,
+    hours=2,
+    hour=60.0,
+    rate=60,
+    preset="balanced",
+    rounds=60,
+    kills=1,
+    jumps=10,
+    longest=180.0,
 )
 FULL = Lengths(
-    minutes=5.0, hours=8, hour=3600.0, rate=60, rounds=1000, kills=5, jumps=100, longest=8 * 3600.0
+    minutes=5.0,
+    hours=8,
+    hour=3600.0,
+    rate=60,
+    preset="balanced",
+    rounds=1000,
+    kills=5,
+    jumps=100,
+    longest=8 * 3600.0,
 )
 
 

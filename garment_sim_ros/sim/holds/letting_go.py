@@ -1,8 +1,8 @@
 """Releases overstretched cloth from colliders that should only brush the garment.
 
 A hand along a skirt pushes it aside. But cloth that was thrown over an elbow, or that a hand took
-along, would stay there for ever, stretched several times over, and shake. Where edges are longer
-than any fabric bears, such colliders pass through the garment until they are clear of it.
+along, would stay there for ever, stretched several times over, and shake. Where edges are far
+longer than any fabric bears, such colliders pass through the garment until they are clear of it.
 """
 
 from collections.abc import Callable
@@ -16,8 +16,9 @@ from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.state import State
 
-_BEARS = 0.5
-"""Strain of an edge beyond which its particles are let go of: knitwear breaks at about 1."""
+_BEARS = 2.0
+"""Strain of an edge beyond which its particles are let go of. Knitwear breaks at about 1, but
+where body parts press cloth between them single edges are longer for a moment, and come back."""
 
 
 class LettingGo:
