@@ -1,9 +1,12 @@
 """Fixtures that all tests share."""
 
+import importlib
 import os
 import signal
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -51,6 +54,23 @@ def data_file() -> Callable[..., Path]:
         return path
 
     return data_file
+
+
+@pytest.fixture(scope="session")
+def bench() -> Callable[[str], ModuleType]:
+    """A module of the benches, which are no package, by name; skips the test without them."""
+    folder = REPOSITORY / "bench"
+    if not folder.is_dir():
+        pytest.skip("no bench")
+
+    def bench(name: str) -> ModuleType:
+        sys.path.insert(0, str(folder))
+        try:
+            return importlib.import_module(name)
+        finally:
+            sys.path.remove(str(folder))
+
+    return bench
 
 
 class Cloth:

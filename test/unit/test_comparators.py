@@ -1,8 +1,5 @@
 """What `bench/comparators.py` builds of what the papers compare themselves with."""
 
-import importlib
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,17 +9,10 @@ import garment_sim_ros as gs
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.contact.plain_shapes import ellipsoid
 
-BENCH = Path(__file__).resolve().parents[2] / "bench"
-pytestmark = pytest.mark.skipif(not BENCH.is_dir(), reason="no bench")
-
 
 @pytest.fixture(scope="module")
-def comparators():
-    sys.path.insert(0, str(BENCH))
-    try:
-        yield importlib.import_module("comparators")
-    finally:
-        sys.path.remove(str(BENCH))
+def comparators(bench):
+    return bench("comparators")
 
 
 def test_particles_ride_on_the_ellipsoid_that_they_are_nearest_to(comparators):

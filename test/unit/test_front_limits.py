@@ -1,24 +1,13 @@
 """The judge of `make front`: figures beyond their limits are told, each of them."""
 
-import importlib
 import math
-import sys
-from pathlib import Path
 
 import pytest
 
-BENCH = Path(__file__).resolve().parents[2] / "bench"
-
 
 @pytest.fixture(scope="module")
-def front():
-    if not BENCH.is_dir():
-        pytest.skip("no bench")
-    sys.path.insert(0, str(BENCH))
-    try:
-        yield importlib.import_module("front")
-    finally:
-        sys.path.remove(str(BENCH))
+def front(bench):
+    return bench("front")
 
 
 def test_figures_at_their_limits_are_well(front):

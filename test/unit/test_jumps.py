@@ -1,27 +1,17 @@
 """Points that jump against the skin under them: cases of known answer."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
 
-BENCH = Path(__file__).parents[2] / "bench"
 
-
-def jump_meter(vertices):
-    """That of the benches, which are no package."""
-    sys.path.insert(0, str(BENCH))
-    try:
-        from jumps import JumpMeter
-    finally:
-        sys.path.remove(str(BENCH))
-    return JumpMeter(vertices)
+@pytest.fixture(scope="module")
+def jump_meter(bench):
+    return bench("jumps").JumpMeter
 
 
 @pytest.fixture
-def meter():
+def meter(jump_meter):
     vertices = np.asarray(trimesh.creation.icosphere(subdivisions=3, radius=0.3).vertices)
     return jump_meter(vertices), vertices
 
@@ -65,7 +55,7 @@ def test_cloth_left_behind_by_the_skin_counts(meter):
     assert meter.frames == 1, "the body was put elsewhere, which is no frame of it"
 
 
-def test_a_hem_between_two_legs_may_go_with_either_but_not_beyond():
+def test_a_hem_between_two_legs_may_go_with_either_but_not_beyond(jump_meter):
     legs = np.concatenate([np.full((20, 3), [0.0, y, 0.0]) for y in (-0.1, 0.1)])
     legs[:, 2] = np.tile(np.linspace(0.0, 1.0, 20), 2)
     meter = jump_meter(legs)

@@ -1,25 +1,12 @@
 """Hems that hands lift: cases of known answer, and a walk in which hands pass a skirt."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-BENCH = Path(__file__).parents[2] / "bench"
-
 
 @pytest.fixture(scope="module")
-def lifted():
-    """That of the benches, which are no package."""
-    if not BENCH.is_dir():
-        pytest.skip("no bench")
-    sys.path.insert(0, str(BENCH))
-    try:
-        from lifted import lifted
-    finally:
-        sys.path.remove(str(BENCH))
-    return lifted
+def lifted(bench):
+    return bench("lifted").lifted
 
 
 def hem(high, count=100, length=0.3):

@@ -1,27 +1,14 @@
 """Cloth inside of one part of the body alone: what two parts overlap around is left out."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from garment_sim_ros.recording.metrics import GarmentMesh
 
-BENCH = Path(__file__).parents[2] / "bench"
-
 
 @pytest.fixture(scope="module")
-def overlaps():
-    """That of the benches, which are no package."""
-    if not BENCH.is_dir():
-        pytest.skip("no bench")
-    sys.path.insert(0, str(BENCH))
-    try:
-        import overlaps
-    finally:
-        sys.path.remove(str(BENCH))
-    return overlaps
+def overlaps(bench):
+    return bench("overlaps")
 
 
 def ball(centre, radius=1.0, count=24):
