@@ -56,22 +56,26 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 def _serve_bag(args: argparse.Namespace) -> dict[str, Any]:
     from garment_sim_ros.view.history import ERRORS
+    from garment_sim_ros.view.opening import Opening
     from garment_sim_ros.view.page import Page
     from garment_sim_ros.view.playback import Playback
     from garment_sim_ros.view.session import Session
 
-    page = Page(args.host, args.port)
-    try:
-        body = "mannequin" if args.body is None else args.body
-        playback = Playback(args.bag, "" if body == _NO_BODY else body, args.bone_names)
-        session = Session(page, playback, args.rate)
-        session.before = playback.advance
-        session.panel.add_looks()
+    def add_playing(playback: Playback) -> None:
         session.slowly.append(session.panel.add_playing(playback))
         errors = [playback.errors(key) for key in ERRORS]
         longest = max(errors, key=lambda rows: len(rows[0]))[0]
         values = [v if len(v) else np.zeros(len(longest)) for _, v in errors]
         session.panel.add_graphs()(playback.rates(), (longest, *values))
+
+    page = Page(args.host, args.port)
+    try:
+        body = "mannequin" if args.body is None else args.body
+        body = "" if body == _NO_BODY else body
+        opening = Opening(args.bag, body, args.bone_names, add_playing)
+        session = Session(page, opening, args.rate)
+        session.before = opening.advance
+        session.panel.add_looks()
         return _serve(args, page, session.run, lambda: session.frames)
     finally:
         page.close()

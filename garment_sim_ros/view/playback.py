@@ -9,8 +9,8 @@ import numpy as np
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.errors import InputFileError
-from garment_sim_ros.recording.bags import Shown, read_shown
 from garment_sim_ros.recording.metrics import GarmentMesh
+from garment_sim_ros.recording.shown import Shown, read_shown
 from garment_sim_ros.view.frame import Cloth, Frame
 
 _MOST_FRAMES = 36_000
@@ -30,6 +30,7 @@ class Playback:
         path: A rosbag2 folder.
         body: The body that was recorded; empty leaves it out.
         bone_names: YAML file of its bones' names.
+        shown: What is in it, where that is read already.
 
     Attributes:
         cloths: As recorded.
@@ -43,8 +44,11 @@ class Playback:
         InputFileError: The bag cannot be read, or has no garments.
     """
 
-    def __init__(self, path: Path, body: str = "", bone_names: str = "") -> None:
-        shown = read_shown(path, most_frames=_MOST_FRAMES, most_bytes=_MOST_BYTES)
+    def __init__(
+        self, path: Path, body: str = "", bone_names: str = "", shown: Shown | None = None
+    ) -> None:
+        if shown is None:
+            shown = read_shown(path, most_frames=_MOST_FRAMES, most_bytes=_MOST_BYTES)
         if not len(shown.stamp):
             raise InputFileError(path, "has no frame of all garments", "needed: one at least")
         for name, track in shown.garments.items():

@@ -7,7 +7,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.errors import InputFileError
-from garment_sim_ros.recording.bags import ColliderTrack, read_recording
+from garment_sim_ros.recording.bags import read_recording
+from garment_sim_ros.recording.tracks import ColliderTrack
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 FRAMES = 10

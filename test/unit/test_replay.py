@@ -11,10 +11,11 @@ from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.mocap.source_urdf import urdf_from_clip
 from garment_sim_ros.mocap.walk import walk
-from garment_sim_ros.recording.bags import ColliderTrack, GarmentTrack, Recording
+from garment_sim_ros.recording.bags import Recording
 from garment_sim_ros.recording.previews import film_indices
 from garment_sim_ros.recording.replay import Replay
 from garment_sim_ros.recording.summary import figures, summarize
+from garment_sim_ros.recording.tracks import ColliderTrack, GarmentTrack
 
 FRAMES = 150
 PERIOD = 16_666_667

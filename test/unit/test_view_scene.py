@@ -288,7 +288,7 @@ def test_ellipsoids_that_change_with_the_pose_are_drawn_as_they_are(bend):
 @pytest.mark.parametrize("held", [2**28, 3 * REST.size * 4, 0])
 def test_frames_of_a_bag(write, monkeypatch, held):  # noqa: F811
     """Read in one pass, or in two where positions are too many to be held."""
-    monkeypatch.setattr("garment_sim_ros.recording.bags._MOST_HELD", held)
+    monkeypatch.setattr("garment_sim_ros.recording.tracks._MOST_HELD", held)
     playback = Playback(write(avatar()))
     assert list(playback.cloths) == ["skirt"]
     assert playback.duration == pytest.approx((FRAMES - 1) / 60, abs=1e-6)

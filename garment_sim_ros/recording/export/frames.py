@@ -14,8 +14,9 @@ from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.errors import GeometryError, InputFileError
 from garment_sim_ros.garment.colours import Colour, garment_colour
-from garment_sim_ros.recording.bags import ColliderTrack, Recording, read_recording
+from garment_sim_ros.recording.bags import Recording, read_recording
 from garment_sim_ros.recording.replay import Replay
+from garment_sim_ros.recording.tracks import ColliderTrack
 
 SKIN_COLOUR: Colour = (0.80, 0.68, 0.60)
 _MOST_FRAMES = 100_000
