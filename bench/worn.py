@@ -15,7 +15,8 @@ longest edge, jump, hems that hands lift.
 
 Variants: `plain`, 60 poses a second; `2x`, at twice the speed; `15hz`, 15 poses a second;
 `stalls`, in which the cloth does not step for 0.3 s in every 1.5 s: what is pierced is counted
-from 0.5 s after each. The last two go through the node's clock.
+from 0.5 s after each. The last two go through the node's clock. At 15 poses a second the body is
+where the node has it: poses in between are interpolated.
 """
 
 import argparse
@@ -45,6 +46,11 @@ from garment_sim_ros.contact.pierced import PiercedMeter, PiercedSoFar
 from garment_sim_ros.garment.colours import garment_colour
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.garment.outfit_file import read_outfit
+from garment_sim_ros.geometry.transforms import (
+    interpolate_poses,
+    quaternion_from_matrix,
+    transform_from,
+)
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import ClipSampler
 from garment_sim_ros.params import ClothNodeParameters
@@ -150,6 +156,20 @@ def by_the_node(simulation: Simulation, path: list, every: int) -> Iterator[tupl
                 yield at, t - last_stall > CALM or last_stall < 0.0
 
 
+def as_known(joints: list, every: int) -> list:
+    """The motion that a node knows of, which is told every so many of these transforms."""
+    if every < 2:
+        return joints
+    told = [(T[:, :3, 3], quaternion_from_matrix(T[:, :3, :3])) for T in joints[::every]]
+    known = []
+    for n in range(len(joints)):
+        before, after = told[n // every], told[min(n // every + 1, len(told) - 1)]
+        position, orientation = np.empty_like(before[0]), np.empty_like(before[1])
+        interpolate_poses(*before, *after, n % every / every, position, orientation)
+        known.append(transform_from(position, orientation))
+    return known
+
+
 def run(asked: Asked) -> dict:
     """Plays one clip and gives the figures."""
     body = load_body(found(asked.body, "bodies"))
@@ -170,6 +190,9 @@ def run(asked: Asked) -> dict:
         retargeter.world_joints(sampler.sample(begin + n * FRAME * speed), n * FRAME).copy()
         for n in range(count)
     ]
+    steps = {"15hz": (by_the_node, 4), "stalls": (by_the_node, 0)}
+    play, every = steps.get(asked.variant, (plain, 1))
+    joints = as_known(joints, every)
     path = [poser.poses(T).copy() for T in joints]
     simulation = Simulation(garments, colliders, solver=asked.solver)
     meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in garments}
@@ -181,8 +204,6 @@ def run(asked: Asked) -> dict:
     live = PiercedSoFar(colliders, [g.name for g in garments])
     calm_frames = calm_pierced = 0
     kept, times, edges = Frames(), [], []
-    steps = {"15hz": (by_the_node, 4), "stalls": (by_the_node, 0)}
-    play, every = steps.get(asked.variant, (plain, 1))
     began = time.thread_time()
     for n, calm in play(simulation, path, every):
         times.append(time.thread_time() - began)
