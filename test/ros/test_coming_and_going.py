@@ -44,7 +44,7 @@ def test_no_avatar_starves_where_there_is_too_much_to_do(outfit):
             nonlocal found, frames
             found = process.figures()["avatars"]
             frames = [a["frames"] for a in found.values()]
-            return min(frames) > 30 or max(frames) > 300
+            return min(frames) > 200 or max(frames) > 600
 
         wait_for(process, enough)
     assert min(frames) > 0.6 * max(frames), found
