@@ -24,35 +24,17 @@ class Lengths:
     minutes: float
     hours: int
     hour: float
-    rate: int
-    preset: str
+    rate: int = 60
+    preset: str = "balanced"
     rounds: int
     kills: int
     jumps: int
     longest: float
 
 
-SHORT = Lengths(
-    minutes=1.0,
-    hours=2,
-    hour=60.0,
-    rate=60,
-    preset="balanced",
-    rounds=60,
-    kills=1,
-    jumps=10,
-    longest=180.0,
-)
+SHORT = Lengths(minutes=1.0, hours=2, hour=60.0, rounds=60, kills=1, jumps=10, longest=180.0)
 FULL = Lengths(
-    minutes=5.0,
-    hours=8,
-    hour=3600.0,
-    rate=60,
-    preset="balanced",
-    rounds=1000,
-    kills=5,
-    jumps=100,
-    longest=8 * 3600.0,
+    minutes=5.0, hours=8, hour=3600.0, rounds=1000, kills=5, jumps=100, longest=8 * 3600.0
 )
 
 
