@@ -77,13 +77,13 @@ def gap(simulation, x, z):
     return np.linalg.norm(away, axis=1).min() - RADIUS
 
 
-def check_letting_go(simulation, frames):
-    """The capsule goes 0.8 m down through a strip of 28 cm that hangs from both ends."""
+def check_letting_go(simulation, frames, depth):
+    """The capsule goes so far down through a strip of 28 cm that hangs from both ends."""
     simulation.reset(at(0.0, 0.5))
     hung = simulation.positions("cloth").copy()
     simulation.reset(at(0.0, 0.05))
-    counts = go(simulation, line([0.0, 0.05], [0.0, -0.8], frames))
-    counts += go(simulation, line([0.0, -0.8], [0.0, -0.8], 270))
+    counts = go(simulation, line([0.0, 0.05], [0.0, -depth], frames))
+    counts += go(simulation, line([0.0, -depth], [0.0, -depth], 270))
     assert max(counts) > 0
     assert counts[-1] == 0
     assert (simulation.sides("cloth").side == PASSING).all()
@@ -95,11 +95,16 @@ def check_letting_go(simulation, frames):
 
 
 @pytest.mark.parametrize("frames", [6, 30])
+def test_what_is_let_go_of_hangs_as_before(cloth, frames):
+    check_letting_go(strip(cloth, 2), frames, 0.5)
+
+
+@pytest.mark.parametrize("frames", [6, 30])
 def test_what_is_overstretched_is_let_go_of_until_it_is_clear(cloth, frames, monkeypatch):
     """By contact alone: the guard outranks it, see the next test."""
     monkeypatch.setattr(Guard, "of", lambda *args: Guard.none(args[-1].shape[1]))
     simulation = strip(cloth, 2)
-    check_letting_go(simulation, frames)
+    check_letting_go(simulation, frames, 0.8)
     # The capsule counts again: from below it lifts the strip's middle.
     counts = go(simulation, line([0.0, -0.8], [0.0, 0.0], 96))
     assert max(counts) == 0
