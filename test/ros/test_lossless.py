@@ -6,11 +6,12 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from ros_input.cloth import stamp_of
+from ros_input.cloth import SECOND, stamp_of
 
 from garment_sim_ros.cli.main import main
 from garment_sim_ros.mocap.bag_file import opened_bag
 from garment_sim_ros.ros.recorder import Recorder
+from garment_sim_ros.ros.topics import GARMENT_POINTS, JOINT_STATES
 
 pytestmark = pytest.mark.ros
 OUTFIT = """
@@ -71,20 +72,23 @@ def test_the_cloth_of_the_nodes_is_that_of_simulate(
                 until(lambda: count(joints) > MESSAGES // 2, "joint states before the cloth")
             nodes[name] = start_node(name, namespace, **NODES[name], **worn.get(name, {}))
         until(lambda: count(joints) > MESSAGES, "joint states")
+        # Not before they flow: the player waits for no more readers than the two.
+        probe = make_probe(namespace)
+        heard = [probe.listen(JOINT_STATES, raw=True)]
+        heard += [probe.listen(GARMENT_POINTS, name, raw=True) for name in ("skirt", "shirt")]
+        until(lambda: all(map(probe.received, heard)), "the probe hears all of it")
         nodes["mocap_player"].send(signal.SIGTERM)
         assert nodes["mocap_player"].wait() == 0
-        seen = [0]
 
-        def rests():
-            before, seen[0] = seen[0], count(f"{namespace}/garments/skirt/points")
-            probe.next(diagnostics)
-            return before == seen[0] > MESSAGES // 2
+        def apart():
+            last = [stamp_of(probe.received(name)[-1]) for name in heard]
+            return max(last) - min(last)
 
-        probe = make_probe(namespace)
-        from garment_sim_ros.ros.topics import DIAGNOSTICS
-
-        diagnostics = probe.listen(DIAGNOSTICS)
-        until(rests, "the cloth has had all poses")
+        # Clouds are of whole steps, joint states of the player's clock.
+        until(lambda: apart() < SECOND // 1000, "the cloth of the last joint state")
+        # What its nodes tell after it comes after it: the recorder has it, too.
+        told = count("/diagnostics")
+        until(lambda: count("/diagnostics") > told + len(nodes), "diagnostics")
     for name in ("collider_node", "cloth_node"):
         nodes[name].send(signal.SIGTERM)
         assert nodes[name].wait() == 0
