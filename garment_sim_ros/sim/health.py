@@ -18,6 +18,8 @@ class Health:
         caught: Times it was to be wound back because a limb stayed in its cloth.
         came_off: Times because nothing was through an opening any more that something was through.
         rode_up: Times because it stayed rolled up where it would hang, see `riding_up`.
+        entangled: Times it was wound back because it stayed through a garment worn under or over
+            it, see `entangled`.
         not_rewound: Times of these that no state was found that is worn right; it stays as it is.
         held: Free particles that a limit held in the last step: tethers, or a distance from skin;
             and pairs of the garment's own parts that were kept apart.
@@ -37,6 +39,7 @@ class Health:
     caught: int = 0
     came_off: int = 0
     rode_up: int = 0
+    entangled: int = 0
     not_rewound: int = 0
     held: int = 0
     let_go: int = 0
@@ -56,6 +59,7 @@ def totals(garments: Sequence[Health]) -> dict[str, int]:
         "garments_caught": "caught",
         "garments_came_off": "came_off",
         "garments_rode_up": "rode_up",
+        "garments_entangled": "entangled",
         "garments_not_rewound": "not_rewound",
         "particles_recovered": "recovered",
         "particles_held": "held",

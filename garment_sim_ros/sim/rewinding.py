@@ -78,6 +78,7 @@ class _Record:
     is_off: bool = False
     upright: int = _FALLS
     up: int = 0
+    is_calm: bool = False
     calm: int = 0
     tries: int = 0
     not_before: float = 0.0
@@ -103,6 +104,9 @@ class Rewinding:
         worn: Its garments by name.
         T_world_rest: Where the colliders are at rest, shape [n, 4, 4]; NaN where not known.
         origin: World position that their states are relative to [m], shape [3], as it moves.
+
+    Attributes:
+        looked: When it looked last [s].
     """
 
     def __init__(
@@ -127,7 +131,7 @@ class Rewinding:
             )
             for n, w in worn.items()
         }
-        self._next, self._gravity = 0.0, np.zeros(3)
+        self.looked, self._next, self._gravity = 0.0, 0.0, np.zeros(3)
         self._at = ColliderPoses.identity(len(colliders))
         self._then = self._at
 
@@ -157,7 +161,7 @@ class Rewinding:
         """
         if time < self._next:
             return ()
-        self._next, self._gravity = time + _PERIOD - 1e-6, np.array(gravity)
+        self.looked, self._next, self._gravity = time, time + _PERIOD - 1e-6, np.array(gravity)
         posed = {name: self.positions(worn) for name, worn in self._worn.items()}
         self._find(posed, poses)
         broken = []
@@ -168,8 +172,9 @@ class Rewinding:
             record.is_off = record.upright > _FALLS and record.openings.lost(posed[name], poses)
             rode_up = record.upright > _FALLS and self._rode_up(name, posed[name], poses)
             record.up = record.up + 1 if rode_up else 0
+            record.is_calm = self._is_calm(name, poses)
             if record.up:
-                record.calm = record.calm + 1 if self._is_calm(name, poses) else 0
+                record.calm = record.calm + 1 if record.is_calm else 0
             if record.cores or record.is_off:
                 record.count, record.good_since = min(record.count + 1, _PATIENCE), time
             elif record.count:
@@ -186,6 +191,16 @@ class Rewinding:
                 health.rode_up += record.is_rolled_up
         self._then, self._at = self._at, poses.copy()
         return tuple(broken)
+
+    def first(self, name: str) -> Kept:
+        """A garment as it was put on."""
+        first = self._records[name].first
+        assert first is not None
+        return first
+
+    def is_calm(self, name: str) -> bool:
+        """Whether the skin under a garment was at rest at the last look."""
+        return self._records[name].is_calm
 
     def tried(self, name: str, time: float) -> None:
         """A garment was wound back, or nothing was found that it could be wound back to."""

@@ -13,8 +13,8 @@ from garment_sim_ros.params import Environment, ImplicitSettings, RelaxationSett
 from garment_sim_ros.sim.arguments import OutfitLike, garments_of, numerics_of
 from garment_sim_ros.sim.auto.pacer import Pacer
 from garment_sim_ros.sim.by_name import ByName
+from garment_sim_ros.sim.entangled import entangled_of, pairs_of
 from garment_sim_ros.sim.garment_view import GarmentView
-from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.loop import take_step
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.placement import GarmentLike, blend, rest_transforms
@@ -92,14 +92,8 @@ class Simulation(ByName):
             g.name: Worn.on(g, colliders, self._colliders, self._solver)
             for g in sorted(garments, key=lambda g: g.layer)
         }
-        self._under: dict[str, list[tuple[Worn, LayerPair]]] = {
-            outer.garment.name: [
-                (inner, LayerPair(inner, outer))
-                for inner in self._worn.values()
-                if inner.garment.layer < outer.garment.layer
-            ]
-            for outer in self._worn.values()
-        }
+        self._under = pairs_of(self._worn)
+        self._entangled = entangled_of(self._worn, self._under)
         self.time, self.outran = 0.0, 0
         self._view = {n: GarmentView(w, self.origin) for n, w in self._worn.items()}
         self._is_sewing = any(g.stitches is not None for g in garments)
@@ -174,6 +168,8 @@ class Simulation(ByName):
             worn.health.settling_steps = self._settle(worn) if settle else 0
             worn.watch(self._colliders, self.solver_step)
         self._rewinding.begin(poses)
+        for pair in self._entangled:
+            pair.begin()
 
     def _restart(self) -> None:
         self.time, self._is_first = 0.0, False
@@ -286,6 +282,8 @@ class Simulation(ByName):
             self._rewinding.tried(name, self.time)
             for _, pair in self._under[name]:
                 pair.forget()
+        for entangled in self._entangled:
+            entangled.look(self._rewinding, self.time, poses)
 
     def _replay(self, worn: Worn, kept: Kept, poses: ColliderPoses) -> None:
         """Places one garment as it once was, and lets the body move from there to its poses."""

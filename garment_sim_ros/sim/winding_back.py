@@ -85,7 +85,7 @@ def wind_back(
     before = worn.state.copy()
     seen = worn.seen(origin)
     x, v = rewinding.positions(worn), rewinding.skin_velocity(worn)
-    whole, bears = np.ones(len(x)), min(overstretched(worn, x), _MOST) + _MORE
+    whole, bears = np.ones(len(x)), may_stretch(worn, x)
     for kept in rewinding.candidates(name):
         for replays in (False, True) if rewinding.may_replay(name) else (False,):
             if replays:
@@ -100,18 +100,28 @@ def wind_back(
             mixed = (x + share[:, None] * (good - x)).astype(np.float32)
             part = bool(share.min() < 1.0) and rewinding.is_well(worn, mixed, poses, bears)
             worn.wind_back(good.astype(np.float64), v, share if part else whole, origin)
-            _set_out(rewinding, worn, seen, poses)
+            set_out(rewinding, worn, seen, poses)
             worn.health.rewound += not part
             worn.health.rewound_parts += part
             return True
     worn.state.assign(before)
     worn.wind_back(x.astype(np.float64), v, np.zeros(len(x)), origin)
-    _set_out(rewinding, worn, seen, poses)
+    set_out(rewinding, worn, seen, poses)
     worn.health.not_rewound += 1
     return False
 
 
-def _set_out(rewinding: Rewinding, worn: Worn, seen: SingleArray, poses: ColliderPoses) -> None:
+def may_stretch(worn: Worn, x: SingleArray) -> float:
+    """Share of a garment's edges that may be overstretched where it is wound back to.
+
+    Args:
+        worn: The garment.
+        x: Its vertices as they are [m], shape [v, 3].
+    """
+    return min(overstretched(worn, x), _MOST) + _MORE
+
+
+def set_out(rewinding: Rewinding, worn: Worn, seen: SingleArray, poses: ColliderPoses) -> None:
     """Lets a garment that was seen somewhere be seen on its way to where it is."""
     off = seen.astype(np.float64) - rewinding.positions(worn)
     worn.on_its_way.begin(off, worn.frames.world(poses))

@@ -89,15 +89,20 @@ def separate(
     outward = np.cross(b - a, c - a)
     d, e, f = x[own[p]]
     if outward @ np.cross(e - d, f - d) < 0.0:
-        pushed[p] = np.inf if pushed[p] > 0.0 else 0.0
         return False
     normal = side * outward / np.linalg.norm(outward)
     depth = thickness - (x[p] - w @ y[corner]) @ normal
     total = m[p] + (w**2 * n[corner]).sum()
-    left = 1.0 - pushed[p] / (2.0 * reach)
-    if left <= 0.0 or depth <= -thickness:
+    if depth <= -thickness:
+        pushed[p] = 0.0
         return False
-    pushed[p] = pushed[p] + way if depth > way else max(pushed[p] - 0.25 * way, 0.0)
+    is_through = depth > thickness + way
+    if not is_through:
+        pushed[p] = max(pushed[p] - 0.25 * way, 0.0)
+    left = 1.0 - pushed[p] / (2.0 * reach)
+    if left <= 0.0:
+        return False
+    pushed[p] += way * is_through
     if depth <= 0.0 or total == 0.0:
         return False
     relative = v[p] - w @ u[corner]

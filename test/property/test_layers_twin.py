@@ -152,6 +152,45 @@ def test_moves_as_the_twin_does(cloth, seed, side, way):
     assert left > 0
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_is_on_its_side_is_not_given_up(cloth, side):
+    """Pressed together, cloth is nearer than its thickness for ever; what was through, is not."""
+    under, triangles = cloth.grid(7, 6, SPACING)
+    over, _ = cloth.grid(5, 5, 0.8 * SPACING)
+    held = [(x.astype(np.float32), np.zeros_like(x, np.float32)) for x in (over, under)]
+    mine, other = ((x, v, np.zeros(len(x), np.float32)) for x, v in held)
+    meets = meeting(mine, other, triangles, found(mine[0], other[0], triangles), side, way=5e-4)
+
+    def tangled_after(rounds, height):
+        mine[0][:, 2] = side * height
+        for _ in range(rounds):
+            find_close_one_way(meets)
+            separate_one_way(meets)
+        find_close_one_way(meets)
+        return int(meets.found[2])
+
+    everyone, patience = len(over), round(2.0 * REACH / 5e-4)
+    assert tangled_after(3 * patience, 0.3 * THICKNESS) == 0
+    assert not meets.pushed.any()
+    assert tangled_after(patience // 2, -2.0 * THICKNESS) == 0
+    assert tangled_after(patience, -2.0 * THICKNESS) == everyone
+    # Back on its side, nearer than the thickness, it is parted again, little by little.
+    assert tangled_after(2, 0.3 * THICKNESS) == 0
+    assert tangled_after(4 * patience + 4, 0.3 * THICKNESS) == 0
+    assert not meets.pushed.any()
+    # Folded over for a moment, nothing is known, and nothing forgotten.
+    assert tangled_after(patience // 2, -2.0 * THICKNESS) == 0
+    so_far, own = meets.pushed.copy(), meets.own.copy()
+    meets.own[:] = [0, 6, 5]
+    assert tangled_after(patience, -2.0 * THICKNESS) == 0
+    np.testing.assert_array_equal(meets.pushed, so_far)
+    meets.own[:] = own
+    # Clear of the other garment it is as if it had never been through.
+    assert tangled_after(patience, -2.0 * THICKNESS) == everyone
+    assert tangled_after(1, 3.0 * THICKNESS) == 0
+    assert not meets.pushed.any()
+
+
 @settings(max_examples=5, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_momentum_and_the_centre_of_mass_stay(cloth, seed):

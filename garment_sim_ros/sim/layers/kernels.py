@@ -13,7 +13,7 @@ _MARGIN = np.float32(2.0)
 SEPARATING_SPEED = 0.1
 """How fast garments that are through each other come apart [m/s]."""
 PATIENCE = np.float32(2.0)
-"""Ways, in reaches, over which separating gets weaker; what is then still through is left."""
+"""Ways, in reaches, over which separating what is through gets weaker; then it is left."""
 _RELIEF = np.float32(0.25)
 """Patience that comes back where a particle is on its side, as a share of what it cost."""
 _FAST = np.float32(5.0 * SEPARATING_SPEED)
@@ -113,12 +113,11 @@ def _meets(meeting, p, many):
         return False
     if dot(_normal(meeting.x, meeting.own[p]), normal) < zero:
         # One of the two is folded over there: nobody knows the sides.
-        if pushed[p] > zero:
-            pushed[p] = np.float32(np.inf)
         return False
     turn = meeting.side / size
     normal = normal[0] * turn, normal[1] * turn, normal[2] * turn
     if not _height(meeting, p, t, b, c, normal) < _MARGIN * meeting.thickness:
+        pushed[p] = zero
         return False
     meeting.close[many] = p
     plane = meeting.plane
@@ -135,10 +134,8 @@ def find_close_one_way(meeting):
     Each particle follows the triangle that it was nearest to over the mesh. Past the border of the
     other garment there is nothing to meet, nor where one of them is folded over, so that its
     outside faces the body: pushed to its side of the one, it would be on the wrong side of the
-    other, and both would shake for ever.
-
-    What is separated there for a while already is left as it is: switched on and off, separating
-    would never let it rest.
+    other, and both would shake for ever. What is clear of the other garment, on its side, counts
+    as never pushed.
 
     Args:
         meeting: `layers.pair.Meeting`; `near`, `close`, `plane`, `found` and `pushed` are changed
@@ -160,9 +157,10 @@ def separate_one_way(meeting):
 
     Where one that is `close` is less than the thickness on its side, it and the triangle's corners
     move apart along the triangle's normal, by their inverse masses, `way` at most: what is deep
-    on the wrong side comes back without being thrown. What does not come back, as cloth that is
-    through an armhole, is pushed more and more weakly, and then left where it is. What velocity
-    brings them together is taken away, and slip as far as Coulomb's law allows.
+    on the wrong side comes back without being thrown. What stays through, as cloth in an armhole,
+    is pushed more and more weakly, and then left where it is: contradicting pushes would never let
+    it rest. What is pressed to less than the thickness is on its side, and is parted for ever.
+    What velocity brings them together is taken away, and slip as far as Coulomb's law allows.
 
     Args:
         meeting: `layers.pair.Meeting`; positions, velocities, `found` and `pushed` are changed in
@@ -187,13 +185,12 @@ def separate_one_way(meeting):
             + (x[p, 1] - a * other_x[i, 1] - b * other_x[j, 1] - c * other_x[k, 1]) * ny
             + (x[p, 2] - a * other_x[i, 2] - b * other_x[j, 2] - c * other_x[k, 2]) * nz
         )
-        left = np.float32(1.0) - pushed[p] / (PATIENCE * reach)
+        is_through = depth > thickness + way[0]
+        so_far = pushed[p] if is_through else max(pushed[p] - _RELIEF * way[0], zero)
+        left = np.float32(1.0) - so_far / (PATIENCE * reach)
+        pushed[p] = so_far + way[0] if is_through and left > zero else so_far
         if not left > zero:
             continue
-        if depth > way[0]:
-            pushed[p] += way[0]
-        elif pushed[p] > zero:
-            pushed[p] = max(pushed[p] - _RELIEF * way[0], zero)
         if not depth > zero:
             continue
         wp = inverse_mass[p]

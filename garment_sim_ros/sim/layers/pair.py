@@ -63,8 +63,7 @@ class Meeting(NamedTuple):
         friction: Coulomb coefficient.
         reach: Particles farther away lose their triangle [m].
         way: The farthest that they move apart at once [m], shape [1].
-        pushed: How far each particle was pushed without coming back to its side [m], infinite
-            where sides are not known, shape [n].
+        pushed: How far each particle was pushed without coming back to its side [m], shape [n].
     """
 
     x: SingleArray
@@ -141,6 +140,15 @@ class LayerPair:
         """How many particles of the outer and the inner one stay through the other."""
         of_outer, of_inner = self._meetings
         return int(of_outer.found[2]), int(of_inner.found[2])
+
+    @property
+    def crossings(self) -> int:
+        """Edges of either that ran through the other at the last look."""
+        return self._untangled.crossings
+
+    def crossings_at(self, inner: SingleArray, outer: SingleArray) -> int:
+        """The same with the vertices of the inner and of the outer one there [m], shape [v, 3]."""
+        return self._untangled.crossings_at(inner, outer)
 
     @property
     def touch(self) -> bool:

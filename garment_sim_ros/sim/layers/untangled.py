@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from garment_sim_ros.arrays import SingleArray
 from garment_sim_ros.sim.layers.crossings import Boxes, find_crossings, leave_out
 from garment_sim_ros.sim.layers.kernels import keep_to_side
 from garment_sim_ros.sim.piece import Piece
@@ -63,6 +64,13 @@ class Untangled:
     def keep_first_still(self, still: bool) -> None:
         """Whether only the second garment gives way."""
         self._first_is_still = still
+
+    def crossings_at(self, first: SingleArray, second: SingleArray) -> int:
+        """Edges that would run through the other garment with vertices there [m], shape [v, 3]."""
+        for (piece, part), x in zip(self._parts, (first, second)):
+            self._x[part] = x[piece.model.vertex]
+        many = find_crossings(self._x, self._mesh, self._split, self._boxes, self._found)
+        return min(many, len(self._found))
 
     def part(self, dt: float, meetings: "tuple[Meeting, Meeting]") -> None:
         """Shortens the contours after a step, but where they are on cloth that touches a shape.

@@ -1,0 +1,130 @@
+"""Garments that stay through each other on a body at rest are worn as they were put on."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
+from garment_sim_ros.sim.entangled import Entangled
+from garment_sim_ros.sim.layers.pair import LayerPair
+from garment_sim_ros.sim.simulation import Simulation
+
+FRAME = 1 / 60
+RINGS, AROUND = 12, 32
+NAMES = ("skirt", "shirt")
+
+
+def tube(cloth, name, layer, radius, top, length):
+    """Hangs on its uppermost ring."""
+    angle = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
+    ring = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.0 * angle], axis=-1)
+    x = np.tile(ring, (RINGS, 1))
+    x[:, 2] = top - np.linspace(0.0, length, RINGS).repeat(AROUND)
+    i = np.arange(AROUND)
+    j = (i + 1) % AROUND
+    two = np.concatenate([np.c_[i, i + AROUND, j], np.c_[j, i + AROUND, j + AROUND]])
+    triangles = np.concatenate([two + k * AROUND for k in range(RINGS - 1)]).astype(np.int32)
+    worn = cloth.garment(x, triangles, pins=np.arange(AROUND), name=name, damping=1.0)
+    return replace(worn, layer=layer)
+
+
+@pytest.fixture(params=["xpbd", "relaxation", "implicit"])
+def dressed(request, cloth, monkeypatch):
+    """A rod in a skirt and, over its upper half, a shirt."""
+    rod = Collider(
+        name="rod",
+        kind="capsule",
+        bone="bone",
+        position=[0.0, 0.0, 0.2],
+        orientation=[0.0, 0.0, 0.0, 1.0],
+        geometry={"radius0": 0.1, "radius1": 0.1, "length": 1.2},
+    )
+    skirt = tube(cloth, "skirt", 0, 0.13, 1.0, 0.4)
+    shirt = tube(cloth, "shirt", 1, 0.134, 1.1, 0.3)
+    simulation = Simulation([skirt, shirt], cloth.colliders(rod), solver=request.param)
+    simulation.reset(ColliderPoses.identity(len(simulation.collider_set)))
+    assert crossings(simulation) == 0
+    look = Entangled.look
+
+    def finds_it_entangled(looks, *what):
+        if counts(simulation) == [0, 0]:  # it would free itself in two frames
+            entangle(simulation)
+        look(looks, *what)
+
+    monkeypatch.setattr(Entangled, "look", finds_it_entangled)
+    return simulation
+
+
+def pair_of(simulation):
+    (pair,) = simulation.over("shirt")
+    return pair
+
+
+def crossings(simulation):
+    """Edges that run through the other garment, as they are shown."""
+    return pair_of(simulation).crossings_at(*map(simulation.positions, NAMES))
+
+
+def entangle(simulation):
+    """What is under the shirt waves through it, at rest, in eight waves around the body."""
+    worn = simulation["skirt"].worn
+    x = worn.garment.vertices.copy()
+    under = (x[:, 2] > 0.82) & (x[:, 2] < 0.98)
+    angle = np.arctan2(x[under, 1], x[under, 0])
+    x[under, :2] *= 1.0 + 0.1 * np.sin(8.0 * angle)[:, None]
+    worn.state.x[:] = (x - simulation.origin)[worn.model.vertex]
+    worn.state.v[:] = 0.0
+    pair_of(simulation)._untangled.crossings = crossings(simulation)
+
+
+def counts(simulation):
+    return [simulation[name].health.entangled for name in NAMES]
+
+
+def test_what_stays_through_is_wound_back_on_a_body_at_rest(dressed):
+    shown = []
+    for _ in range(90):
+        dressed.step()
+        shown.append(np.concatenate([dressed.positions(name) for name in NAMES]))
+        if len(shown) == 15:
+            assert counts(dressed) == [0, 0]
+            assert crossings(dressed) > 50
+        if len(shown) == 30:
+            assert counts(dressed) == [1, 1]
+    assert counts(dressed) == [1, 1]
+    assert crossings(dressed) == 0
+    steps = [np.linalg.norm(b - a, axis=1).max() for a, b in itertools.pairwise(shown[15:])]
+    assert max(steps) < 0.036
+    health = dressed["skirt"].health
+    assert (health.caught, health.came_off, health.rode_up, health.rewound) == (0, 0, 0, 0)
+
+
+def test_nothing_is_wound_back_while_the_body_moves(dressed):
+    here = ColliderPoses.identity(len(dressed.collider_set))
+    for _ in range(60):
+        there = here.copy()
+        there.position[:, 0] += 1.0 * FRAME
+        dressed.advance(here, there, FRAME)
+        here = there
+    assert counts(dressed) == [0, 0]
+
+
+@pytest.mark.parametrize("hinders", ["not well", "no better"])
+def test_what_would_be_no_better_is_left_and_tried_seldom(dressed, hinders, monkeypatch):
+    """Fifteen looks in a second: after 4, 8 and 16 more of them."""
+    tried = []
+    monkeypatch.setattr(
+        "garment_sim_ros.sim.entangled.carried",
+        lambda worn, kept, poses: (tried.append(worn.garment.name), kept.x)[1],
+    )
+    if hinders == "not well":
+        monkeypatch.setattr(type(dressed._rewinding), "is_well", lambda *_: False)
+    else:
+        at = LayerPair.crossings_at
+        monkeypatch.setattr(LayerPair, "crossings_at", lambda *what: max(at(*what), 250))
+    for _ in range(150):
+        dressed.step()
+    assert tried == 3 * list(NAMES)
+    assert counts(dressed) == [0, 0]
