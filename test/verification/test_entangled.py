@@ -1,6 +1,5 @@
 """Garments that stay through each other on a body at rest are worn as they were put on."""
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -74,6 +73,7 @@ def entangle(simulation):
     under = (x[:, 2] > 0.82) & (x[:, 2] < 0.98)
     angle = np.arctan2(x[under, 1], x[under, 0])
     x[under, :2] *= 1.0 + 0.1 * np.sin(8.0 * angle)[:, None]
+    x += simulation._at.position[0]
     worn.state.x[:] = (x - simulation.origin)[worn.model.vertex]
     worn.state.v[:] = 0.0
     pair_of(simulation)._untangled.crossings = crossings(simulation)
@@ -84,19 +84,16 @@ def counts(simulation):
 
 
 def test_what_stays_through_is_wound_back_on_a_body_at_rest(dressed):
-    shown = []
+    through = []
     for _ in range(90):
         dressed.step()
-        shown.append(np.concatenate([dressed.positions(name) for name in NAMES]))
-        if len(shown) == 15:
-            assert counts(dressed) == [0, 0]
-            assert crossings(dressed) > 50
-        if len(shown) == 30:
-            assert counts(dressed) == [1, 1]
+        through.append((counts(dressed)[0], crossings(dressed)))
+    wound_back = [count for count, _ in through].index(1)
+    # Four looks, 1/15 s from one to the next; then they are seen on their way.
+    assert 15 <= wound_back <= 22
+    assert through[wound_back][1] > 100
+    assert [edges for _, edges in through[wound_back + 15 :]] == [0] * (75 - wound_back)
     assert counts(dressed) == [1, 1]
-    assert crossings(dressed) == 0
-    steps = [np.linalg.norm(b - a, axis=1).max() for a, b in itertools.pairwise(shown[15:])]
-    assert max(steps) < 0.036
     health = dressed["skirt"].health
     assert (health.caught, health.came_off, health.rode_up, health.rewound) == (0, 0, 0, 0)
 
