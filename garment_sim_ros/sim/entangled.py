@@ -16,9 +16,12 @@ from garment_sim_ros.sim.rewinding import Rewinding
 from garment_sim_ros.sim.winding_back import carried, may_stretch, set_out
 from garment_sim_ros.sim.worn import Worn
 
-_LOOKS, _MOST_LOOKS = 4, 64
+_LOOKS = 4
 """Looks in a row that find them through each other on a body at rest, 0.27 s, before they are
-wound back; twice as many after each try, up to 4.3 s."""
+wound back; after each try twice as many."""
+_MOST_IN_VAIN, _MOST = 64, 960
+"""At most so many after a try in vain, 4.3 s: another pose may allow it; and after another one,
+64 s: what wind blew through the other garment it blows there again."""
 _CLEAN = 30
 """After so many looks that find nothing, 2 s, it is as if there had been no try."""
 _CROSSED = 0.005
@@ -72,10 +75,12 @@ class Entangled:
         self._count = self._count + 1 if is_through and is_calm else 0
         if self._count < self._patience:
             return
-        self._count, self._patience = 0, min(2 * self._patience, _MOST_LOOKS)
+        self._count = 0
         good = [_as_put_on(worn, rewinding, poses) for worn in self._worn]
         is_well = all(_is_well(w, x, rewinding, poses) for w, x in zip(self._worn, good))
-        if is_well and pair.crossings_at(*good) <= _BETTER * pair.crossings:
+        is_better = is_well and pair.crossings_at(*good) <= _BETTER * pair.crossings
+        self._patience = min(2 * self._patience, _MOST if is_better else _MOST_IN_VAIN)
+        if is_better:
             for worn, x in zip(self._worn, good):
                 _wind_back(worn, x, rewinding, poses)
             pair.forget()

@@ -125,3 +125,11 @@ def test_what_would_be_no_better_is_left_and_tried_seldom(dressed, hinders, monk
         dressed.step()
     assert tried == 3 * list(NAMES)
     assert counts(dressed) == [0, 0]
+
+
+def test_what_gets_through_again_is_wound_back_less_and_less_often(dressed, monkeypatch):
+    """As in wind: after 4, 8, 16, 32 looks, 15 in a second, however often it helps."""
+    monkeypatch.setitem(globals(), "counts", lambda simulation: [0, 0])
+    for _ in range(4 * (4 + 8 + 16 + 32 + 10)):
+        dressed.step()
+    assert [dressed[name].health.entangled for name in NAMES] == [4, 4]
