@@ -8,6 +8,7 @@ import pytest
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.sim.entangled import Entangled
 from garment_sim_ros.sim.layers.pair import LayerPair
+from garment_sim_ros.sim.rewinding import Rewinding
 from garment_sim_ros.sim.simulation import Simulation
 
 FRAME = 1 / 60
@@ -73,7 +74,8 @@ def entangle(simulation):
     under = (x[:, 2] > 0.82) & (x[:, 2] < 0.98)
     angle = np.arctan2(x[under, 1], x[under, 0])
     x[under, :2] *= 1.0 + 0.1 * np.sin(8.0 * angle)[:, None]
-    x += simulation._at.position[0]
+    # Where the body is: the waist is held there.
+    x += (simulation.positions("skirt") - worn.garment.vertices)[:AROUND].mean(axis=0)
     worn.state.x[:] = (x - simulation.origin)[worn.model.vertex]
     worn.state.v[:] = 0.0
     pair_of(simulation)._untangled.crossings = crossings(simulation)
@@ -117,7 +119,7 @@ def test_what_would_be_no_better_is_left_and_tried_seldom(dressed, hinders, monk
         lambda worn, kept, poses: (tried.append(worn.garment.name), kept.x)[1],
     )
     if hinders == "not well":
-        monkeypatch.setattr(type(dressed._rewinding), "is_well", lambda *_: False)
+        monkeypatch.setattr(Rewinding, "is_well", lambda *_: False)
     else:
         at = LayerPair.crossings_at
         monkeypatch.setattr(LayerPair, "crossings_at", lambda *what: max(at(*what), 250))
