@@ -2,11 +2,12 @@
 
     python bench/offline.py [--seconds 10] [--rounds 3] [--settings balanced:60 fast:30 ...]
 
-A setting is PRESET:RATE. Each round runs the command for 2 s and for so many more, in turns; the
-difference of their processor times is that of a second in the long run, and what is left of the
-short one is the start: kernels loaded, colliders read, garments put on. `c_us` is how fast the
-machine was, as `bench/springs.py` has it; `times` is how many times faster than real time one core
-is, and the same where `c_us` is 140. Medians and ranges of the rounds.
+A setting is PRESET:RATE, and may have :NODE.PARAM=VALUE,... after it. Each round runs the command
+for 2 s and for so many more, in turns; the difference of their processor times is that of a second
+in the long run, and what is left of the short one is the start: kernels loaded, colliders read,
+garments put on. `c_us` is how fast the machine was, as `bench/springs.py` has it; `times` is how
+many times faster than real time one core is, and the same where `c_us` is 140. Medians and ranges
+of the rounds.
 """
 
 import argparse
@@ -26,10 +27,13 @@ USUAL_US = 140.0
 """`c_us` of a machine that does nothing else."""
 
 
-def processor_time(preset: str, rate: str, seconds: float) -> float:
+def processor_time(setting: str, seconds: float) -> float:
     """Of the command [s]."""
+    preset, rate, *single = setting.split(":")
     with tempfile.TemporaryDirectory() as folder:
         words = ["--preset", preset, "--rate", rate, "--seconds", f"{seconds:g}"]
+        for value in ",".join(single).split(",") if single else ():
+            words += ["--set", value]
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run(
             [*COMMAND, *words, "--out", str(Path(folder) / "bag")], check=True, capture_output=True
@@ -53,12 +57,11 @@ def main() -> None:
     )
     args = options.parse_args()
     for setting in args.settings:
-        preset, _, rate = setting.partition(":")
         starts, spent, times, usual = [], [], [], []
         for _ in range(args.rounds):
             speed = machine_us()
-            short = processor_time(preset, rate, SHORT)
-            long = processor_time(preset, rate, SHORT + args.seconds)
+            short = processor_time(setting, SHORT)
+            long = processor_time(setting, SHORT + args.seconds)
             speed = 0.5 * (speed + machine_us())
             spent.append((long - short) / args.seconds)
             starts.append(short - SHORT * spent[-1])
