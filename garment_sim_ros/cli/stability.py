@@ -27,16 +27,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", metavar="DIR", type=Path, required=True, help="stability.md, .json and .png")
     add("--solver", choices=tuple(SOLVERS), action="append", help="only this one; may be repeated")
     add_preset_options(parser)
-    add("--only", metavar="TEXT", default="", help="only cells with this in their name: 'wind'")
+    add(
+        "--only",
+        metavar="TEXT",
+        action="append",
+        help="only cells with this in their name: 'wind'; may be repeated",
+    )
     add("--seed", type=int, default=1, help="of the cells that are drawn at random")
     add("--list", action="store_true", help="name the cells and run none")
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Run, judge, draw."""
-    chosen = [cell for cell in cells(args.seed) if args.only in cell.name]
-    if not chosen:
-        raise ParameterError("--only", f"found {args.only!r}", "allowed: see --list")
+    chosen = _chosen(args)
     if args.list:
         print("\n".join(cell.name + (cell.absent and f" ({cell.absent})") for cell in chosen))
         return {"cells": [cell.name for cell in chosen]}
@@ -72,6 +75,19 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     for name, why in told["skipped"].items():
         print(f"skipped: {name}: {why}", file=sys.stderr)
     return {key: told[key] for key in ("cells", "skipped", "held")} | {"out": str(args.out)}
+
+
+def _chosen(args: argparse.Namespace) -> list[Cell]:
+    """The cells that are asked for.
+
+    Raises:
+        ParameterError: No cell has what one of them shall have in its name.
+    """
+    every, texts = list(cells(args.seed)), args.only or [""]
+    for text in texts:
+        if not any(text in cell.name for cell in every):
+            raise ParameterError("--only", f"found {text!r}", "allowed: see --list")
+    return [cell for cell in every if any(text in cell.name for text in texts)]
 
 
 def _settings(args: argparse.Namespace) -> dict[str, Any]:

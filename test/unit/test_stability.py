@@ -297,10 +297,13 @@ def test_table_and_picture(tmp_path):
 def test_the_command_lists_runs_and_refuses(tmp_path, capsys):
     assert main(["stability", "--out", str(tmp_path), "--only", "gravity", "--list"]) == 0
     assert "gravity: 100 g" in capsys.readouterr().out
+    both = ["--only", "gravity: 1 g", "--only", "wind: 10 m/s", "--list"]
+    assert main(["stability", "--out", str(tmp_path), *both]) == 0
+    assert capsys.readouterr().out.splitlines() == ["gravity: 1 g", "wind: 10 m/s"]
     chosen = ["--only", "gravity: 1 g", "--solver", "xpbd"]
     assert main(["stability", "--out", str(tmp_path / "map"), *chosen, "--json"]) == 0
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["held"] == {"xpbd": 1}
     made = sorted(path.name for path in (tmp_path / "map").iterdir())
     assert made == ["stability.json", "stability.md", "stability.png"]
-    assert main(["stability", "--out", str(tmp_path), "--only", "hail"]) == 2
+    assert main(["stability", "--out", str(tmp_path), "--only", "wind", "--only", "hail"]) == 2
     assert "allowed" in capsys.readouterr().err
