@@ -137,7 +137,7 @@ class Rewinding:
 
     def begin(self, poses: ColliderPoses) -> None:
         """The garments were put on: what they are now is good, and time begins anew."""
-        self._next = _PERIOD
+        self.looked, self._next = 0.0, _PERIOD
         self._at = self._then = poses.copy()
         for name, worn in self._worn.items():
             kept, old = Kept(self.positions(worn), poses.copy()), self._records[name]

@@ -18,11 +18,10 @@ _ROUND = (
     Transition.TRANSITION_DEACTIVATE,
     Transition.TRANSITION_CLEANUP,
 )
-_FIRST = 60
+_FIRST = 40
 """Rounds after which a node has what it keeps."""
-_PART = 4
-"""Of the rest the first and the last of so many parts are compared, by medians: garments that are
-just being made come and go."""
+_FEW = 10
+"""The memory of so many rounds is compared: garments that are just being made come and go."""
 _GROWTH = 4.0
 """Allowed from then on, however many rounds [MiB]."""
 
@@ -51,13 +50,10 @@ def run(lengths):
 
 
 def _rows(name, found, node):
-    rounds = len(found)
-    found = found[min(_FIRST, len(found) // 2) :]
-    part = max(len(found) // _PART, 1)
-    early, late = found[:part], found[-part:]
+    early, late = found[_FIRST : _FIRST + _FEW], found[-_FEW:]
     threads, files, memory = np.median(late, axis=0) - np.median(early, axis=0)
     return [
-        Row(f"{name}: rounds", f"{rounds}"),
+        Row(f"{name}: rounds", f"{len(found)}"),
         at_most(f"{name}: memory that it grew by", memory, _GROWTH, "MiB"),
         # One that makes garments may be at work at any time, never two.
         at_most(f"{name}: threads more", threads, 1.0),

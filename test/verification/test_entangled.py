@@ -135,3 +135,14 @@ def test_what_gets_through_again_is_wound_back_less_and_less_often(dressed, monk
     for _ in range(4 * (4 + 8 + 16 + 32 + 10)):
         dressed.step()
     assert [dressed[name].health.entangled for name in NAMES] == [4, 4]
+
+
+def test_after_a_reset_it_looks_no_sooner_than_the_garments_are_looked_at(dressed, monkeypatch):
+    for _ in range(30):
+        dressed.step()
+    dressed.reset(ColliderPoses.identity(len(dressed.collider_set)))
+    asked = []
+    monkeypatch.setattr(Rewinding, "is_calm", lambda _, name: bool(asked.append(name)))
+    for _ in range(3):  # of the four from one look to the next
+        dressed.step()
+    assert asked == []
