@@ -93,6 +93,35 @@ class Cloth:
         return vertices, np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
 
     @staticmethod
+    def tube(radius: float, top: float, length: float, rings: int, around: int):
+        """A tube that hangs from a height, closed on itself, its uppermost ring first.
+
+        Returns:
+            Vertices [m], shape [rings * around, 3]; triangles.
+        """
+        angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
+        ring = radius * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=-1)
+        vertices = np.tile(ring, (rings, 1))
+        vertices[:, 2] = top - np.linspace(0.0, length, rings).repeat(around)
+        i = np.arange(around)
+        j = (i + 1) % around
+        two = np.concatenate([np.c_[i, i + around, j], np.c_[j, i + around, j + around]])
+        triangles = np.concatenate([two + k * around for k in range(rings - 1)])
+        return vertices, triangles.astype(np.int32)
+
+    @staticmethod
+    def rod() -> Collider:
+        """An upright one, 10 cm in radius, from 0.2 to 1.4 m, on the bone called `bone`."""
+        return Collider(
+            name="rod",
+            kind="capsule",
+            bone="bone",
+            position=[0.0, 0.0, 0.2],
+            orientation=[0.0, 0.0, 0.0, 1.0],
+            geometry={"radius0": 0.1, "radius1": 0.1, "length": 1.2},
+        )
+
+    @staticmethod
     def garment(vertices, triangles, pins=(), *, name="cloth", frame="bone", **material):
         """A garment that follows one frame, whose rest transform is the identity."""
         values = {"damping": 0.0, "air_drag": 0.0, "friction": 0.0, **material}

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from garment_sim_ros.contact.shapes import Collider, ColliderPoses
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.sim.entangled import Entangled
 from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.rewinding import Rewinding
@@ -16,16 +16,9 @@ RINGS, AROUND = 12, 32
 NAMES = ("skirt", "shirt")
 
 
-def tube(cloth, name, layer, radius, top, length):
+def tube(cloth, name, layer, *shape):
     """Hangs on its uppermost ring."""
-    angle = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
-    ring = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.0 * angle], axis=-1)
-    x = np.tile(ring, (RINGS, 1))
-    x[:, 2] = top - np.linspace(0.0, length, RINGS).repeat(AROUND)
-    i = np.arange(AROUND)
-    j = (i + 1) % AROUND
-    two = np.concatenate([np.c_[i, i + AROUND, j], np.c_[j, i + AROUND, j + AROUND]])
-    triangles = np.concatenate([two + k * AROUND for k in range(RINGS - 1)]).astype(np.int32)
+    x, triangles = cloth.tube(*shape, RINGS, AROUND)
     worn = cloth.garment(x, triangles, pins=np.arange(AROUND), name=name, damping=1.0)
     return replace(worn, layer=layer)
 
@@ -33,17 +26,9 @@ def tube(cloth, name, layer, radius, top, length):
 @pytest.fixture(params=["xpbd", "relaxation", "implicit"])
 def dressed(request, cloth, monkeypatch):
     """A rod in a skirt and, over its upper half, a shirt."""
-    rod = Collider(
-        name="rod",
-        kind="capsule",
-        bone="bone",
-        position=[0.0, 0.0, 0.2],
-        orientation=[0.0, 0.0, 0.0, 1.0],
-        geometry={"radius0": 0.1, "radius1": 0.1, "length": 1.2},
-    )
     skirt = tube(cloth, "skirt", 0, 0.13, 1.0, 0.4)
     shirt = tube(cloth, "shirt", 1, 0.134, 1.1, 0.3)
-    simulation = Simulation([skirt, shirt], cloth.colliders(rod), solver=request.param)
+    simulation = Simulation([skirt, shirt], cloth.colliders(cloth.rod()), solver=request.param)
     simulation.reset(ColliderPoses.identity(len(simulation.collider_set)))
     assert crossings(simulation) == 0
     look = Entangled.look

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from garment_sim_ros.contact.shapes import Collider, ColliderPoses
+from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.sim.openings import Openings
 from garment_sim_ros.sim.rewinding import Rewinding
 from garment_sim_ros.sim.riding_up import RidingUp
@@ -18,22 +18,9 @@ DOWN = np.array([0.0, 0.0, -9.81])
 BONE = np.eye(4)[None]
 
 
-def tube(length=LENGTH):
-    """A tube that hangs from the height 1 m, closed on itself, its waist ring first."""
-    angle = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
-    ring = RADIUS * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=-1)
-    x = np.concatenate(
-        [ring - np.array([0.0, 0.0, s - 1.0]) for s in np.linspace(0.0, length, RINGS)]
-    )
-    i = np.arange(AROUND)
-    j = (i + 1) % AROUND
-    two = np.concatenate([np.c_[i, i + AROUND, j], np.c_[j, i + AROUND, j + AROUND]])
-    return x, np.concatenate([two + k * AROUND for k in range(RINGS - 1)]).astype(np.int32)
-
-
 def skirt(cloth, length=LENGTH, **more):
     """Held by its waist ring."""
-    x, triangles = tube(length)
+    x, triangles = cloth.tube(RADIUS, 1.0, length, RINGS, AROUND)
     return cloth.garment(x, triangles, pins=np.arange(AROUND), damping=1.0, **more)
 
 
@@ -108,15 +95,7 @@ def test_short_sleeves_and_cloth_that_nothing_holds_have_no_such_hem(cloth):
 
 def put_on(cloth, solver, **more):
     """The skirt on an upright rod, which it is wider than."""
-    rod = Collider(
-        name="rod",
-        kind="capsule",
-        bone="bone",
-        position=[0.0, 0.0, 0.2],
-        orientation=[0.0, 0.0, 0.0, 1.0],
-        geometry={"radius0": 0.1, "radius1": 0.1, "length": 1.2},
-    )
-    simulation = Simulation(skirt(cloth, **more), cloth.colliders(rod), solver=solver)
+    simulation = Simulation(skirt(cloth, **more), cloth.colliders(cloth.rod()), solver=solver)
     for _ in range(30):
         simulation.step()
     return simulation
