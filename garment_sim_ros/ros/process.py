@@ -17,6 +17,7 @@ from garment_sim_ros.errors import GarmentSimError
 from garment_sim_ros.nodes import NODES, version
 from garment_sim_ros.ros.arguments import in_short, plain_numbers
 from garment_sim_ros.ros.lifecycle import ManagedNode
+from garment_sim_ros.ros.memory import keep_in_few_pieces
 from garment_sim_ros.ros.rclpy_internals import RCLError
 from garment_sim_ros.ros.ticker import spin
 from garment_sim_ros.stepping_back import step_back
@@ -131,6 +132,7 @@ def run(
 def prepare_process() -> None:
     """What a process with a time to keep does before anything else of `rclpy`."""
     sys.setswitchinterval(_SWITCH_INTERVAL)
+    keep_in_few_pieces()
     # Sending happens in a thread of the middleware's: a slow reader does not delay a frame.
     os.environ.setdefault("RMW_FASTRTPS_PUBLICATION_MODE", "ASYNCHRONOUS")
 

@@ -7,6 +7,8 @@ import psutil
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from ros_input.cloth import Avatar as Colliders
+from ros_input.cloth import Feeder
+from ros_input.processes import wait_until
 
 from garment_sim_ros.ros.topics import COLLIDER_DESCRIPTION
 from soak.avatar import NODES, Avatar
@@ -18,6 +20,9 @@ _ROUND = (
     Transition.TRANSITION_DEACTIVATE,
     Transition.TRANSITION_CLEANUP,
 )
+_WORN_EVERY = 50
+"""In one round of so many, the first one too, `cloth_node` goes on until its garments are worn:
+what it loads for that, once, depends on the machine's speed in all others."""
 _FIRST = 40
 """Rounds after which a node has what it keeps."""
 _FEW = 10
@@ -32,6 +37,7 @@ def run(lengths):
         with Avatar(f"/soak_rounds_{name}") as avatar:
             node = avatar.start(name, autostart=False)
             process, found, began = psutil.Process(node.pid), [], time.monotonic()
+            colliders = Colliders() if name == "cloth_node" else None
             for number in range(lengths.rounds):
                 if time.monotonic() - began > lengths.longest:
                     break
@@ -40,13 +46,22 @@ def run(lengths):
                     done = avatar.probe.call(ChangeState, f"{name}/change_state", request)
                     if not done.success:
                         return [*rows, Row(f"{name}: round {number}", "refused", "", False)]
-                    if number == 0 and name == "cloth_node" and transition == _ROUND[1]:
-                        avatar.probe.publish(COLLIDER_DESCRIPTION, Colliders().description)
+                    if colliders and number % _WORN_EVERY == 0 and transition == _ROUND[1]:
+                        _wear(avatar, colliders)
                 found.append(
                     (process.num_threads(), process.num_fds(), process.memory_info().rss / 2**20)
                 )
             rows += _rows(name, np.array(found), node)
     return rows
+
+
+def _wear(avatar, colliders):
+    """Sends what it takes, until cloth moves."""
+    avatar.probe.publish(COLLIDER_DESCRIPTION, colliders.description)
+    feeder, before = Feeder(avatar.probe, colliders), avatar.moved
+    feeder.start()
+    wait_until(lambda: avatar.moved > before + 10, "cloth", limit=120.0)
+    feeder.stop()
 
 
 def _rows(name, found, node):
