@@ -39,18 +39,6 @@ def nearest_triangle(
     return found, weights
 
 
-def facing(x: FloatArray, triangles: IntArray, edges: IntArray, rounds: int) -> FloatArray:
-    """Normals at particles, summed over neighbours so many times, as unit vectors [n, 3]."""
-    normals = np.zeros_like(x)
-    for t in triangles:
-        a, b, c = x[t]
-        normals[t] += np.cross(b - a, c - a)
-    around = np.eye(len(x))
-    around[edges[:, 0], edges[:, 1]] = around[edges[:, 1], edges[:, 0]] = 1.0
-    normals = np.linalg.matrix_power(around, rounds) @ normals
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
-
-
 def separate(
     mine: tuple[FloatArray, FloatArray, FloatArray],
     other: tuple[FloatArray, FloatArray, FloatArray],
@@ -65,7 +53,6 @@ def separate(
     reach: float,
     way: float,
     pushed: FloatArray,
-    faces: tuple[FloatArray, FloatArray],
 ) -> bool:
     """Positions, velocities and inverse masses of both garments; changes the first two in place.
 
@@ -82,7 +69,6 @@ def separate(
         reach: Farthest triangle that is met [m].
         way: Farthest that both move apart at once [m].
         pushed: How far each particle was pushed without coming free [m], changed in place.
-        faces: Which way both garments face at their particles.
 
     Returns:
         Whether it touched.
@@ -102,11 +88,10 @@ def separate(
     a, b, c = y[corner]
     outward = np.cross(b - a, c - a)
     d, e, f = x[own[p]]
-    if outward @ np.cross(e - d, f - d) < 0.0:
-        sheet = faces[1][corner].sum(axis=0)
-        cosine = outward @ sheet / np.linalg.norm(outward) / max(np.linalg.norm(sheet), 1e-20)
-        if cosine <= 0.3 or faces[0][p] @ sheet <= 0.0:
-            return False
+    mine_there = np.cross(e - d, f - d)
+    alike = outward @ mine_there
+    if alike < 0.0:
+        return False
     normal = side * outward / np.linalg.norm(outward)
     depth = thickness - (x[p] - w @ y[corner]) @ normal
     total = m[p] + (w**2 * n[corner]).sum()
@@ -128,11 +113,19 @@ def separate(
     length = np.linalg.norm(slip)
     held = 1.0 if length <= friction * closing else friction * closing / length
     impulse = (closing * normal - held * slip) / total
-    firm = np.clip(2.0 * thickness - depth, 0.0, thickness)
-    push = min(depth, left * way + firm) / total * normal
+    moved = min(depth, left * way)
+    push = moved / total * normal
     x[p] += m[p] * push
     v[p] += m[p] * impulse
     for i, wi in zip(corner, w):
         y[i] -= wi * n[i] * push
         u[i] -= wi * n[i] * impulse
+    if alike > 0.5 * np.linalg.norm(outward) * np.linalg.norm(mine_there):
+        # The outer garment alone goes on, by no more than its height.
+        rest = max(min(depth - moved, thickness - depth + moved), 0.0) * normal
+        theirs = w * n[corner]
+        if side > 0.0:
+            x[p] += (m[p] > 0.0) * rest
+        elif theirs.any():
+            y[corner] -= theirs[:, None] / (w @ theirs) * rest
     return True

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from garment_sim_ros.geometry.vectors import dot, length, less, row
+from garment_sim_ros.geometry.vectors import cross, dot, length, less, row
 from garment_sim_ros.jit import lean_kernel
-from garment_sim_ros.sim.layers.facing import normal_of
 from garment_sim_ros.sim.layers.nearest import closest
 
 _WALK = 8
@@ -17,10 +16,10 @@ PATIENCE = np.float32(2.0)
 """Ways, in reaches, over which separating what is through gets weaker; then it is left."""
 _RELIEF = np.float32(0.25)
 """Patience that comes back where a particle is on its side, as a share of what it cost."""
+_ALIKE = np.float32(0.5)
+"""Cosine of the angle between two garments above which neither is wrinkled where they meet."""
 _FAST = np.float32(5.0 * SEPARATING_SPEED)
 """Particles faster than this [m/s] may come free by themselves, and are parted anew."""
-_FLAT = np.float32(0.3)
-"""A triangle lies as its garment does around it where the cosine between both is above this."""
 
 
 @lean_kernel(inner=True)
@@ -60,6 +59,13 @@ def _walk(meeting, p):
 
 
 @lean_kernel(inner=True)
+def _normal(x, triangle):
+    """Normal of a triangle, twice as long as its area."""
+    a = row(x, triangle[0])
+    return cross(less(row(x, triangle[1]), a), less(row(x, triangle[2]), a))
+
+
+@lean_kernel(inner=True)
 def _height(meeting, p, t, b, c, normal):
     """How far particle p is from a place on triangle t along its unit normal [m].
 
@@ -79,28 +85,6 @@ def _height(meeting, p, t, b, c, normal):
         + (x[p, 1] - a * other_x[i, 1] - b * other_x[j, 1] - c * other_x[k, 1]) * normal[1]
         + (x[p, 2] - a * other_x[i, 2] - b * other_x[j, 2] - c * other_x[k, 2]) * normal[2]
     )
-
-
-@lean_kernel(inner=True)
-def _sides_are_known(meeting, p, t, normal):
-    """Whether particle p and triangle t tell which of their faces are turned to each other.
-
-    They do where both face the same way, be it that both are folded over. Where they do not, one
-    of them is folded over alone; if that is the particle's garment, the triangle tells.
-
-    Args:
-        meeting: `layers.pair.Meeting`.
-        p: A particle.
-        t: A triangle.
-        normal: Its normal, of any length.
-    """
-    if not dot(normal_of(meeting.x, meeting.own[p]), normal) < np.float32(0.0):
-        return True
-    facing, corner = meeting.other_facing, meeting.triangles[t]
-    a, b, c = row(facing, corner[0]), row(facing, corner[1]), row(facing, corner[2])
-    around = a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]
-    lies_flat = dot(around, normal) > _FLAT * length(around) * length(normal)
-    return lies_flat and dot(row(meeting.facing, p), around) > np.float32(0.0)
 
 
 @lean_kernel(inner=True)
@@ -125,11 +109,13 @@ def _meets(meeting, p, many):
         return False
     if outside:
         return False
-    normal = normal_of(meeting.other_x, meeting.triangles[t])
-    size = length(normal)
+    normal = _normal(meeting.other_x, meeting.triangles[t])
+    own = _normal(meeting.x, meeting.own[p])
+    size, alike = length(normal), dot(own, normal)
     if size < np.float32(1e-12):
         return False
-    if not _sides_are_known(meeting, p, t, normal):
+    if alike < zero:
+        # One of the two is folded over there: nobody knows the sides.
         return False
     turn = meeting.side / size
     normal = normal[0] * turn, normal[1] * turn, normal[2] * turn
@@ -141,6 +127,7 @@ def _meets(meeting, p, many):
     plane[many, 0], plane[many, 1], plane[many, 2] = normal
     plane[many, 3] = b
     plane[many, 4] = c
+    plane[many, 5] = meeting.thickness if alike > _ALIKE * length(own) * size else zero
     return True
 
 
@@ -149,10 +136,10 @@ def find_close_one_way(meeting):
     """Which particles are close to the other garment, and in which planes they meet it.
 
     Each particle follows the triangle that it was nearest to over the mesh. Past the border of the
-    other garment there is nothing to meet, nor any triangle that is folded over alone, so that its
-    outside faces the body: pushed to its side, the particle would be on the wrong side of all
-    around it, and both would shake for ever. What is clear of the other garment, on its side,
-    counts as never pushed.
+    other garment there is nothing to meet, nor where one of them is folded over, so that its
+    outside faces the body: pushed to its side of the one, it would be on the wrong side of the
+    other, and both would shake for ever. What is clear of the other garment, on its side, counts
+    as never pushed.
 
     Args:
         meeting: `layers.pair.Meeting`; `near`, `close`, `plane`, `found` and `pushed` are changed
@@ -168,18 +155,53 @@ def find_close_one_way(meeting):
     meeting.found[2] = tangled
 
 
+@lean_kernel(inner=True)
+def _part_firmly(meeting, n, depth):
+    """Moves the outer garment away from the inner one, which the body holds, at what is close.
+
+    It goes by what is left of the distance, and by no more than the height that it has: a tight
+    one would be drawn through the inner one by more than `way`. The inner one stays: pushed into
+    the body, contact would throw it out again.
+
+    Args:
+        meeting: `layers.pair.Meeting`; positions are changed in place.
+        n: Number of the close particle.
+        depth: What it is nearer than the thickness [m].
+    """
+    plane, zero = meeting.plane, np.float32(0.0)
+    far = min(depth, plane[n, 5] - depth)
+    if not far > zero:
+        return
+    p = meeting.close[n]
+    if meeting.side > zero:
+        if meeting.inverse_mass[p] > zero:
+            for k in range(3):
+                meeting.x[p, k] += far * plane[n, k]
+        return
+    triangle, b, c = meeting.triangles[meeting.near[p]], plane[n, 3], plane[n, 4]
+    a = np.float32(1.0) - b - c
+    w = meeting.other_inverse_mass
+    wa, wb, wc = a * w[triangle[0]], b * w[triangle[1]], c * w[triangle[2]]
+    total = a * wa + b * wb + c * wc
+    if not total > zero:
+        return
+    for m, share in ((triangle[0], wa), (triangle[1], wb), (triangle[2], wc)):
+        for k in range(3):
+            meeting.other_x[m, k] -= share * far / total * plane[n, k]
+
+
 @lean_kernel(forceinline=True)
 def separate_one_way(meeting):
     """Moves particles to their side of another garment, and that garment away from them.
 
     Where one that is `close` is less than the thickness on its side, it and the triangle's corners
-    move apart along the triangle's normal, by their inverse masses. What is on its side moves as
-    far as it takes, or a tight garment is drawn through the other one; what is a thickness or more
-    on the wrong side `way` at most: it comes back without being thrown. What stays through, as
-    cloth in an armhole, is pushed more and more weakly, and then left where it is: contradicting
-    pushes would never let it rest. What is pressed to less than the thickness is on its side, and
-    is parted for ever.
-    What velocity brings them together is taken away, and slip as far as Coulomb's law allows.
+    move apart along the triangle's normal, by their inverse masses, `way` at most: what is deep
+    on the wrong side comes back without being thrown. Where both face the same way, and what is
+    close is on its side, the outer garment moves on (`_part_firmly`). What stays through, as cloth
+    in an armhole, is pushed more and more weakly, and then left where it is: contradicting pushes
+    would never let it rest. What is pressed to less than the thickness is on its side, and is
+    parted for ever. What velocity brings them together is taken away, and slip as far as Coulomb's
+    law allows.
 
     Args:
         meeting: `layers.pair.Meeting`; positions, velocities, `found` and `pushed` are changed in
@@ -233,8 +255,7 @@ def separate_one_way(meeting):
         jx = (closing * nx - held * ux) / total
         jy = (closing * ny - held * uy) / total
         jz = (closing * nz - held * uz) / total
-        firm = min(max(thickness + thickness - depth, zero), thickness)
-        push = min(depth, left * way[0] + firm) / total
+        push = min(depth, left * way[0]) / total
         x[p, 0] += wp * push * nx
         x[p, 1] += wp * push * ny
         x[p, 2] += wp * push * nz
@@ -248,6 +269,7 @@ def separate_one_way(meeting):
             other_v[m, 0] -= w * jx
             other_v[m, 1] -= w * jy
             other_v[m, 2] -= w * jz
+        _part_firmly(meeting, n, depth - push * total)
     found[1] = touched
 
 

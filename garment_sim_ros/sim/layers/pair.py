@@ -20,7 +20,6 @@ from garment_sim_ros.arrays import IntArray, SingleArray
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology, triangles_across
 from garment_sim_ros.jit import compiled
-from garment_sim_ros.sim.layers.facing import find_facing
 from garment_sim_ros.sim.layers.kernels import SEPARATING_SPEED, find_close, separate
 from garment_sim_ros.sim.layers.nearest import find_triangles, take_from_neighbours
 from garment_sim_ros.sim.layers.untangled import Untangled
@@ -55,8 +54,9 @@ class Meeting(NamedTuple):
         neighbour: Triangles across their edges ab, bc, ca, -1 at a border, shape [t, 3].
         near: Triangle that each particle is near to, -1 for none, shape [n].
         close: Particles that may touch until the next look, the first `found[0]`, shape [n].
-        plane: Normal of the triangle near to each of those, to its side, and the weights of the
-            last two corners at the closest point, shape [n, 5].
+        plane: Normal of the triangle near to each of those, to its side, the weights of the last
+            two corners at the closest point, and the distance within which they are parted
+            firmly [m], shape [n, 6].
         found: How many are close, how many of them touched, and how many particles stay through
             the other garment, as separating did not help, shape [3].
         side: 1 where the particles belong outside the other garment, -1 where inside.
@@ -65,8 +65,6 @@ class Meeting(NamedTuple):
         reach: Particles farther away lose their triangle [m].
         way: The farthest that they move apart at once [m], shape [1].
         pushed: How far each particle was pushed without coming back to its side [m], shape [n].
-        facing: Which way the garment faces at each particle, see `layers.facing`, shape [n, 3].
-        other_facing: Likewise the other garment, shape [m, 3].
     """
 
     x: SingleArray
@@ -88,8 +86,6 @@ class Meeting(NamedTuple):
     reach: np.float32
     way: SingleArray
     pushed: SingleArray
-    facing: SingleArray
-    other_facing: SingleArray
 
 
 @dataclass(kw_only=True)
@@ -98,19 +94,15 @@ class _Search:
 
     Attributes:
         edges: Edges of the particles' own mesh, shape [e, 2].
-        own_triangles: Its triangles, shape [t, 3].
         apart: Particles that have nothing to do with the other garment.
         start: Scratch.
         entry: Scratch.
-        scratch: Of `find_facing`.
     """
 
     edges: IntArray
-    own_triangles: IntArray
     apart: IntArray
     start: IntArray
     entry: IntArray
-    scratch: SingleArray
 
 
 class LayerPair:
@@ -124,9 +116,7 @@ class LayerPair:
     def __init__(self, inner: Piece, outer: Piece) -> None:
         under = _is_under(inner.model, outer.model)
         everything = np.ones(len(outer.model), np.bool_)
-        mine, other = (
-            (piece.model, piece.state, np.zeros_like(piece.state.x)) for piece in (inner, outer)
-        )
+        mine, other = (inner.model, inner.state), (outer.model, outer.state)
         self._both_ways = (
             _meeting(other, mine, 1.0, everything, under),
             _meeting(mine, other, -1.0, under, everything),
@@ -167,12 +157,8 @@ class LayerPair:
         return any(meeting.found[1] > 0 for meeting in self._meetings)
 
     def look(self) -> None:
-        """Finds which triangles particles are near to, and which way both face; once in a step."""
+        """Finds which triangles particles are near to; once in a step."""
         for meeting, search in self._both_ways:
-            find_facing(
-                *(meeting.x, search.own_triangles, search.edges),
-                *(meeting.facing, search.scratch),
-            )
             if self._steps % _SEARCH_EVERY == 0:
                 find_triangles(
                     meeting.x,
@@ -224,14 +210,14 @@ class LayerPair:
 
 
 def _meeting(
-    mine: tuple[ClothModel, State, SingleArray],
-    other: tuple[ClothModel, State, SingleArray],
+    mine: tuple[ClothModel, State],
+    other: tuple[ClothModel, State],
     side: float,
     meets: NDArray[np.bool_],
     is_met: NDArray[np.bool_],
 ) -> tuple[Meeting, _Search]:
     """Those of my particles that `meets`, and the other's triangles whose corners all `is_met`."""
-    (me, state, facing), (it, other_state, other_facing) = mine, other
+    (me, state), (it, other_state) = mine, other
     triangles = it.particle_triangles
     triangles = np.ascontiguousarray(triangles[is_met[triangles].all(axis=1)])
     cells = 1 << int(np.ceil(np.log2(max(len(triangles), 2))))
@@ -248,7 +234,7 @@ def _meeting(
         neighbour=triangles_across(triangles),
         near=np.full(len(me), -1, np.int32),
         close=np.zeros(len(me), np.int32),
-        plane=np.zeros((len(me), 5), np.float32),
+        plane=np.zeros((len(me), 6), np.float32),
         found=np.zeros(3, np.int32),
         side=np.float32(side),
         thickness=np.float32(0.5 * (me.material.thickness + it.material.thickness)),
@@ -256,16 +242,12 @@ def _meeting(
         reach=np.float32(_REACH * max(_edge_length(me), _edge_length(it))),
         way=np.zeros(1, np.float32),
         pushed=np.zeros(len(me), np.float32),
-        facing=facing,
-        other_facing=other_facing,
     )
     search = _Search(
         edges=_edges(me),
-        own_triangles=me.particle_triangles,
         apart=np.flatnonzero(~meets).astype(np.int32),
         start=np.zeros(cells + 1, np.int32),
         entry=np.zeros(len(triangles), np.int32),
-        scratch=np.zeros_like(facing),
     )
     return meeting, search
 
