@@ -191,30 +191,50 @@ def test_what_is_on_its_side_is_not_given_up(cloth, side):
     assert not meets.pushed.any()
 
 
-@pytest.mark.parametrize("is_smooth", [True, False])
-def test_a_tight_outer_garment_is_not_drawn_through(cloth, is_smooth):
+@pytest.mark.parametrize(("cosine", "holds"), [(1.0, True), (0.6, True), (0.4, False)])
+def test_a_tight_outer_garment_is_not_drawn_through(cloth, cosine, holds):
     """Drawn by ten times the way of what is through, it keeps its distance, but in wrinkles."""
     under, triangles = cloth.grid(7, 6, SPACING)
     over, _ = cloth.grid(5, 5, 0.8 * SPACING)
-    way, masses = 1e-4, (np.ones(25, np.float32), np.zeros(42, np.float32))
+    # A triangle far away, so tilted, is taken for that at each particle.
+    tilted = [[9.0, 0.0, 0.0], [9.0 + cosine, 0.0, np.sqrt(1.0 - cosine**2)], [9.0, 1.0, 0.0]]
+    n, way = len(over), 1e-4
+    masses = np.ones(n + 3, np.float32), np.zeros(len(under), np.float32)
     mine, other = (
         (x.astype(np.float32), np.zeros_like(x, np.float32), m)
-        for x, m in zip((over, under), masses)
+        for x, m in zip((np.concatenate([over, tilted]), under), masses)
     )
-    own = np.tile(np.int32([0, 5, 1]), (25, 1)) if is_smooth else None
     near = found(mine[0], other[0], triangles)
+    own = np.tile(np.int32([n, n + 1, n + 2]), (n + 3, 1))
     meets = meeting(mine, other, triangles, near, 1.0, own, way)
-    mine[0][:, 2] = THICKNESS
-    for n in range(60):
-        mine[0][:, 2] -= np.float32(10 * way)
-        if n % 6 == 0:
+    height = mine[0][:n, 2]
+    height[:] = THICKNESS
+    for k in range(60):
+        height -= np.float32(10 * way)
+        if k % 6 == 0:
             find_close_one_way(meets)
         separate_one_way(meets)
-    if is_smooth:
-        np.testing.assert_allclose(mine[0][:, 2], THICKNESS, atol=1e-6)
+    if holds:
+        np.testing.assert_allclose(height, THICKNESS, atol=1e-6)
     else:
-        assert mine[0][:, 2].max() < 0.0
+        assert height.max() < 0.0
     np.testing.assert_array_equal(other[0][:, 2], 0.0)
+
+
+def test_what_is_pinned_stays(cloth):
+    under, triangles = cloth.grid(7, 6, SPACING)
+    over, _ = cloth.grid(5, 5, 0.8 * SPACING)
+    over[:, 2] = 0.3 * THICKNESS
+    mine, other = (
+        (x.astype(np.float32), np.zeros_like(x, np.float32), np.full(len(x), m, np.float32))
+        for x, m in ((over, 0.0), (under, 1.0))
+    )
+    own = np.tile(np.int32([0, 5, 1]), (25, 1))
+    meets = meeting(mine, other, triangles, found(mine[0], other[0], triangles), own=own, way=1e-4)
+    find_close_one_way(meets)
+    separate_one_way(meets)
+    np.testing.assert_array_equal(mine[0], over.astype(np.float32))
+    assert other[0][:, 2].min() < 0.0
 
 
 @settings(max_examples=5, deadline=None)
