@@ -4,6 +4,7 @@ Each scene is disturbed for a while and then left alone. Lengths are those of a 
 size; `scale` makes the same scene for a tiny or a huge one.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,6 +21,7 @@ from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion, quaternion_multiply
 from garment_sim_ros.params import Environment, Material
+from garment_sim_ros.sim.world.wind_field import CHANGE
 from garment_sim_ros.stability.wearer import Wearer
 
 Motion = Callable[[float], ColliderPoses]
@@ -38,8 +40,8 @@ class Scene:
         colliders: What they are worn on.
         motion: World poses of the colliders at a time [s]; they stand still from `busy` on.
         size: Length that tolerances are measured by [m].
-        disturbed: Outer forces before `busy`.
-        environment: Outer forces from then on.
+        disturbed: Outer forces while it moves.
+        environment: Outer forces from then on; wind takes a while to change.
         busy: How long the disturbance lasts [s].
         calm: How long the garment then has to come to rest [s].
         frame: Time between two poses that are given to the simulation [s].
@@ -69,6 +71,20 @@ class Scene:
     broken: bool = False
     wearer: Wearer | None = None
     forced: float = 0.0
+
+    @property
+    def moves_until(self) -> float:
+        """End of the frame in which the motion ends [s]: no frame after it has any."""
+        return self._end_of_frame(self.busy)
+
+    @property
+    def still_from(self) -> float:
+        """End of the frame in which all of the disturbance ends, a change of the wind, too [s]."""
+        blows = self.disturbed != self.environment
+        return self._end_of_frame(self.moves_until + (CHANGE if blows else 0.0))
+
+    def _end_of_frame(self, t: float) -> float:
+        return math.ceil(t / self.frame - 1e-6) * self.frame
 
 
 def sheet(

@@ -76,11 +76,13 @@ def judge(scene: Scene, solver: str, settings: Any = None) -> Outcome:
     place = still.end() if still.finite else None
     seen = run.disturb()
     energy = Energy(run.simulation, scene.environment.gravity)
-    calm = _Calm(outer=[energy.outer()], kinetic=[energy.kinetic()], stored=energy.stored())
+    kinetic, gravitational, stored = energy.now()
+    calm = _Calm(outer=[kinetic + gravitational], kinetic=[kinetic], stored=stored)
     for n in range(1, round(scene.calm / scene.frame) + 1):
-        run.frame(scene.busy + n * scene.frame)
-        calm.outer.append(energy.outer())
-        calm.kinetic.append(energy.kinetic())
+        run.frame(scene.still_from + n * scene.frame)
+        kinetic, gravitational, _ = energy.now()
+        calm.outer.append(kinetic + gravitational)
+        calm.kinetic.append(kinetic)
         calm.speed.append(run.speed)
         calm.seen.add(run.strain, 0, 0)
         if n * scene.frame > RECOVER:
@@ -95,7 +97,7 @@ class _Calm:
     Attributes:
         outer: Kinetic energy and that in the field of gravity [J].
         kinetic: Kinetic energy [J].
-        stored: What edges held at the start [J].
+        stored: What edges and hinges held at the start [J].
         speed: RMS speed [m/s].
         seen: The worst stretch.
         back: The worst of all after `RECOVER`.
@@ -220,7 +222,8 @@ def _figures(end: End, seen: Seen | None = None, calm: _Calm | None = None) -> d
 def _has_grown(scene: Scene, calm: _Calm, mass: float) -> tuple[bool, float]:
     """Whether energy has grown, and by what share of all that there was to lose.
 
-    It may be by what edges held in the beginning, and by as little as cloth at rest shows anyway.
+    It may be by what edges and hinges held in the beginning, and by as little as cloth at rest
+    shows anyway.
     """
     room = max(calm.outer[0] - min(calm.outer), calm.kinetic[0])
     gained = max(calm.outer) - calm.outer[0] - min(calm.stored, room)

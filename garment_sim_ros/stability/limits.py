@@ -128,7 +128,7 @@ def _load(scene: Scene, garment: Garment, forces: Environment, acceleration: flo
 def _motion(scene: Scene, garment: Garment) -> tuple[float, float]:
     """Highest speed [m/s] of colliders and of where cloth would be as skin, and acceleration."""
     frames = find_frames(garment.name, garment.frames, scene.colliders)
-    count = max(2, round(scene.busy / scene.frame))
+    count = max(2, round(scene.moves_until / scene.frame))
     speed, acceleration = 0.0, 0.0
     before = None
     for n, m in pairwise(range(count + 1)):

@@ -140,14 +140,16 @@ class Run:
         """Where the garment is without the disturbance."""
         scene = self._scene
         self._begin(scene.busy + 1.0)
-        self._go(scene.busy, 0.5 * scene.calm)
+        self._go(scene.still_from, scene.still_from + 0.5 * scene.calm)
 
     def disturb(self) -> Seen:
         """Goes through the disturbance."""
+        scene, seen = self._scene, Seen()
         self._begin(0.0)
-        self._blow(self._scene.disturbed)
-        seen = self._go(0.0, self._scene.busy)
-        self._blow(self._scene.environment)
+        self._blow(scene.disturbed)
+        self._go(0.0, scene.moves_until, seen)
+        self._blow(scene.environment)
+        self._go(scene.moves_until, scene.still_from, seen)
         return seen
 
     def _begin(self, time: float) -> None:
@@ -187,17 +189,16 @@ class Run:
         self.strain = self._edges.strain(x)
         self.pierced = 0 if scene.wearer is None else scene.wearer.pierced(poses, x)
 
-    def _go(self, start: float, end: float) -> Seen:
-        seen = Seen()
-        for n in range(1, max(1, round((end - start) / self._scene.frame)) + 1):
+    def _go(self, start: float, end: float, seen: Seen | None = None) -> None:
+        for n in range(1, round((end - start) / self._scene.frame) + 1):
             self.frame(start + n * self._scene.frame)
-            seen.add(self.strain, self.pierced, self.let_go)
-        return seen
+            if seen is not None:
+                seen.add(self.strain, self.pierced, self.let_go)
 
     def end(self) -> End:
         """What there is after the last frame."""
         scene, x = self._scene, self.by_name()
-        poses = scene.motion(scene.busy + scene.calm)
+        poses = scene.motion(scene.still_from + scene.calm)
         worn = None if scene.wearer is None else scene.wearer.look(poses, x)
         own = self._edges.crossed(x)
         tangled = sum(self.simulation.health(n).tangled for n in self.simulation.names)

@@ -11,6 +11,7 @@ from ros_input.cloth import SECOND, stamp_of
 from garment_sim_ros.cli.main import main
 from garment_sim_ros.mocap.bag_file import opened_bag
 from garment_sim_ros.ros.recorder import Recorder
+from garment_sim_ros.ros.stamp_order import JUMP
 from garment_sim_ros.ros.topics import GARMENT_POINTS, JOINT_STATES
 
 pytestmark = pytest.mark.ros
@@ -92,7 +93,9 @@ def test_the_cloth_of_the_nodes_is_that_of_simulate(
     for name in ("collider_node", "cloth_node"):
         nodes[name].send(signal.SIGTERM)
         assert nodes[name].wait() == 0
-        assert "rejected" not in nodes[name].output
+        # On a busy machine the player may stand still for longer than a jump is.
+        refused = [line for line in nodes[name].output.splitlines() if "rejected" in line]
+        assert not [line for line in refused if JUMP not in line]
 
     out = tmp_path / "offline"
     words = ["--bag", str(tmp_path / "live"), "--outfit", str(outfit), "--out", str(out)]

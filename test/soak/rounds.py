@@ -20,11 +20,10 @@ _ROUND = (
     Transition.TRANSITION_DEACTIVATE,
     Transition.TRANSITION_CLEANUP,
 )
-_WORN_EVERY = 50
-"""In one round of so many, the first one too, `cloth_node` goes on until its garments are worn:
-what it loads for that, once, depends on the machine's speed in all others."""
-_FIRST = 40
-"""Rounds after which a node has what it keeps."""
+_FIRST, _FIRST_WORN = 40, 10
+"""Rounds after which a node has what it keeps: of all, and of those that garments are worn in."""
+_ONE_WORN = 10
+"""Garments are worn in one more round for so many others, but see `_FIRST_WORN`."""
 _FEW = 10
 """The memory of so many rounds is compared: garments that are just being made come and go."""
 _GROWTH = 4.0
@@ -32,27 +31,76 @@ _GROWTH = 4.0
 
 
 def run(lengths):
+    """Rounds in which garments are worn first: what is loaded for them, once, is there after."""
     rows = []
     for name in NODES:
         with Avatar(f"/soak_rounds_{name}") as avatar:
-            node = avatar.start(name, autostart=False)
-            process, found, began = psutil.Process(node.pid), [], time.monotonic()
-            colliders = Colliders() if name == "cloth_node" else None
-            for number in range(lengths.rounds):
-                if time.monotonic() - began > lengths.longest:
-                    break
-                for transition in _ROUND:
-                    request = ChangeState.Request(transition=Transition(id=transition))
-                    done = avatar.probe.call(ChangeState, f"{name}/change_state", request)
-                    if not done.success:
-                        return [*rows, Row(f"{name}: round {number}", "refused", "", False)]
-                    if colliders and number % _WORN_EVERY == 0 and transition == _ROUND[1]:
-                        _wear(avatar, colliders)
-                found.append(
-                    (process.num_threads(), process.num_fds(), process.memory_info().rss / 2**20)
-                )
-            rows += _rows(name, np.array(found), node)
+            rounds = _Rounds(avatar, name, time.monotonic() + lengths.longest)
+            if name == "cloth_node":
+                worn = max(_FIRST_WORN + 2 * _FEW, lengths.rounds // _ONE_WORN)
+                rounds.go(worn, "worn rounds", first=_FIRST_WORN, wear=True)
+            rounds.go(lengths.rounds, "rounds", first=_FIRST)
+            rows += rounds.told()
     return rows
+
+
+class _Rounds:
+    """Of one node."""
+
+    def __init__(self, avatar, name, end):
+        self._avatar, self._name, self._end = avatar, name, end
+        self._node = avatar.start(name, autostart=False)
+        self._process = psutil.Process(self._node.pid)
+        self._rows = []
+
+    def go(self, count, what, *, first, wear=False):
+        """So many rounds, but for the time limit.
+
+        Args:
+            count: Number of rounds.
+            what: What they are called.
+            first: Number of rounds after which nothing may be added.
+            wear: In each, wait until garments are worn.
+        """
+        colliders = Colliders() if wear else None
+        found = []
+        while len(found) < count and time.monotonic() < self._end:
+            for transition in _ROUND:
+                self._change(transition)
+                if colliders and transition == Transition.TRANSITION_ACTIVATE:
+                    _wear(self._avatar, colliders)
+            process = self._process
+            found.append(
+                (process.num_threads(), process.num_fds(), process.memory_info().rss / 2**20)
+            )
+        found = np.reshape(found, (-1, 3))
+        early, late = found[first : first + _FEW], found[-_FEW:]
+        threads, files, memory = np.median(late, axis=0) - np.median(early, axis=0)
+        what = f"{self._name}: {what}"
+        self._rows += [
+            Row(what, f"{len(found)}", f"at least {first + _FEW}", len(found) >= first + _FEW),
+            at_most(f"{what}: memory more", memory, _GROWTH, "MiB"),
+            # One that makes garments may be at work at any time, never two.
+            at_most(f"{what}: threads more", threads, 1.0),
+            at_most(f"{what}: open files more", files, 2.0),
+        ]
+
+    def _change(self, transition):
+        request = ChangeState.Request(transition=Transition(id=transition))
+        done = self._avatar.probe.call(ChangeState, f"{self._name}/change_state", request)
+        if not done.success:
+            raise AssertionError(f"{self._name} refused transition {transition}")
+
+    def told(self):
+        """What was found in all rounds."""
+        running = self._node.is_running
+        fell = Row(
+            f"{self._name}: fell over",
+            "no" if running else "yes",
+            "no",
+            running and "Traceback" not in self._node.output,
+        )
+        return [*self._rows, fell]
 
 
 def _wear(avatar, colliders):
@@ -62,21 +110,3 @@ def _wear(avatar, colliders):
     feeder.start()
     wait_until(lambda: avatar.moved > before + 10, "cloth", limit=120.0)
     feeder.stop()
-
-
-def _rows(name, found, node):
-    early, late = found[_FIRST : _FIRST + _FEW], found[-_FEW:]
-    threads, files, memory = np.median(late, axis=0) - np.median(early, axis=0)
-    return [
-        Row(f"{name}: rounds", f"{len(found)}"),
-        at_most(f"{name}: memory that it grew by", memory, _GROWTH, "MiB"),
-        # One that makes garments may be at work at any time, never two.
-        at_most(f"{name}: threads more", threads, 1.0),
-        at_most(f"{name}: open files more", files, 2.0),
-        Row(
-            f"{name}: fell over",
-            "no" if node.is_running else "yes",
-            "no",
-            node.is_running and "Traceback" not in node.output,
-        ),
-    ]

@@ -10,9 +10,10 @@ from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.elastic import ElasticEdges
+from garment_sim_ros.sim.energy import Elastic, energies
 from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.tradeoff import scenes
-from garment_sim_ros.tradeoff.energy import Elastic, drift, energies, energy_drift, undamped
+from garment_sim_ros.tradeoff.energy import drift, energy_drift, undamped
 from garment_sim_ros.tradeoff.points import Point, preset_point
 
 DOWN = np.array([0.0, 0.0, -GRAVITY])

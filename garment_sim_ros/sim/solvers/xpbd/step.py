@@ -29,8 +29,11 @@ from garment_sim_ros.sim.solvers.xpbd.given import (
 from garment_sim_ros.sim.solvers.xpbd.workspace import XpbdWorkspace
 from garment_sim_ros.solver_params import TRIANGLES
 
-_SMALL = 0.1
-"""Extent of a garment below which sub-steps are shortened like its swing [m]."""
+_SMALL, _EARTH = 0.15, 9.81
+"""Extent of a garment [m] and gravity [m/s^2]: where it swings faster than with these, sub-steps
+are shortened like its swing, or it would hang too long."""
+_SHORTEST = 1.0 / 16.0
+"""Of `sub_step`, that they are shortened to."""
 _SLOW = 0.03
 """RMS speed below which rounding shows [m/s]; that of a garment larger than a metre is larger."""
 
@@ -39,8 +42,9 @@ def pace(piece: Piece, params: Parameters, dt: float) -> tuple[int, int]:
     """How many sub-steps in a step of dt [s], and how many for each search for contacts."""
     settings = params.settings
     assert isinstance(settings, XpbdSettings)
-    extent = _workspace(piece).extent
-    longest = settings.sub_step * min(1.0, math.sqrt(extent / _SMALL))
+    swing = _workspace(piece).extent / max(math.hypot(*params.environment.gravity), _EARTH)
+    share = math.sqrt(swing / (_SMALL / _EARTH))
+    longest = settings.sub_step * min(max(share, _SHORTEST), 1.0)
     count = max(1, math.ceil(dt / longest - 1e-6))
     passes = math.ceil(count / settings.search_every)
     search_every = math.ceil(count / passes)
