@@ -4,7 +4,10 @@ import itertools
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from naive import naive_self_collision as naive
+from scipy.spatial import Delaunay
 
 from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.geometry.topology import mesh_topology
@@ -13,6 +16,7 @@ from garment_sim_ros.sim.model import build_model
 from garment_sim_ros.sim.self_collision.garment import SelfCollision
 from garment_sim_ros.sim.self_collision.near_pairs import Pairs, find_pairs
 from garment_sim_ros.sim.self_collision.self_contact import Lying, keep_apart
+from garment_sim_ros.sim.self_collision.untangling import spread
 
 SPACING = 0.02
 DISTANCE = 0.002
@@ -133,3 +137,18 @@ def test_particles_may_stray_by_half_the_margin(cloth):
             missed += key([p], corners) not in pairs
     assert met > 30
     assert missed == 0
+
+
+@given(seed=st.integers(0, 2**32 - 1), rings=st.integers(0, 4))
+def test_neighbours_of_a_knot(seed, rings):
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(size=(40, 2))
+    triangles = Delaunay(points).simplices.astype(np.int32)
+    rng.shuffle(triangles)
+    marked = np.zeros(40, np.bool_)
+    marked[rng.integers(0, 40, rng.integers(0, 3))] = True
+    expected = set(np.flatnonzero(marked).tolist())
+    for _ in range(rings):
+        expected |= {p for t in triangles.tolist() if expected & set(t) for p in t}
+    spread(triangles, marked, rings, np.zeros(40, np.bool_))
+    assert set(np.flatnonzero(marked).tolist()) == expected

@@ -44,6 +44,12 @@ def test_extremes_hold(name):
     assert (outcome.figures["rejected"] > 0) == name.startswith("NaN")
 
 
+@pytest.mark.slow
+def test_a_knot_gets_looser_until_cloth_rests():
+    faults = judge(CELLS["self-collision: whirled at 1000 deg/s"].scene(), "xpbd").faults
+    assert not {"restless", "energy grows"} & set(faults)
+
+
 @pytest.mark.parametrize("name", FAST_IMPLICIT)
 def test_extremes_hold_with_the_implicit_solver(name):
     assert judge(CELLS[name].scene(), "implicit").faults == ()

@@ -4,7 +4,8 @@ After each of the solver's steps, particles are kept a distance apart from trian
 from edges; what would have passed through in the step is put back. Pairs that can meet are looked
 for only every few steps, or as soon as particles have strayed from the ways that were expected of
 them. What is tangled all the same, from the start or because a body part pushed it through, comes
-free by way of shorter intersection contours.
+free by way of shorter intersection contours. A knot, where that does not help, gets looser: more
+and more around it is let through itself.
 """
 
 import numpy as np
@@ -19,7 +20,7 @@ from garment_sim_ros.sim.self_collision.expected_motion import drift, expect
 from garment_sim_ros.sim.self_collision.near_pairs import Pairs, find_pairs
 from garment_sim_ros.sim.self_collision.patches import Mesh, Swept
 from garment_sim_ros.sim.self_collision.self_contact import Lying, keep_apart
-from garment_sim_ros.sim.self_collision.untangling import mark_tangled, untangle
+from garment_sim_ros.sim.self_collision.untangling import mark_tangled, spread, untangle
 from garment_sim_ros.sim.state import State
 
 _STEPS = 4
@@ -32,6 +33,10 @@ _PASSES = 4
 """Most passes over all pairs in a step."""
 _UNTANGLING_SPEED = 0.3
 """Speed at which what is tangled comes free [m/s]."""
+_KNOT = 0.1
+"""Passages through triangles, for each edge of the garment, below which they are a knot."""
+_LOOSER = 0.5
+"""Time after which one more ring of neighbours of a knot is let through itself [s]."""
 _SOFTNESS = 0.3
 """Gradients of a contour's length below this move by less than that; a border's is 1."""
 _SPACING = (0.1, 0.15)
@@ -75,13 +80,14 @@ class SelfCollision(Constraint):
         self._distance = np.float32(distance)
         self._margin = np.float32(_MARGIN * length)
         n, t = len(model), len(self._mesh.triangles)
+        self._knot = _KNOT * len(edges)
         self._before, self._start, self._place, self._speed, self._way = (
             np.zeros((n, 3), np.float32) for _ in range(5)
         )
         self._swept = Swept.room_for(self._mesh, np.float32(length))
         self._grid = np.zeros(2 * t + 66, np.int32), np.zeros(4 * t + 64, np.int32)
         self._pairs = Pairs.room_for(_PAIRS * t, 2 * t)
-        self._tangled = np.zeros(n, np.bool_)
+        self._tangled, self._scratch = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
         self.searches = 0
         self.crossings = 0
         self.dropped = 0
@@ -96,6 +102,7 @@ class SelfCollision(Constraint):
         """What follows does not depend on what was before."""
         self._known = False
         self._since = self._ahead = 0
+        self._knotted = 0.0
 
     def hold(self, state: State, left: float, dt: float) -> int:
         """Moves apart what came too near, after a step.
@@ -123,6 +130,9 @@ class SelfCollision(Constraint):
         touched = 0
         if crossings:
             self.crossings = int(mark_tangled(before, pairs.crossings, crossings, self._tangled))
+            self._knotted = self._knotted + dt if self.crossings < self._knot else 0.0
+            rings = int(self._knotted / _LOOSER)
+            spread(self._mesh.triangles, self._tangled, rings, self._scratch)
             touched += untangle(
                 x,
                 v,
@@ -177,6 +187,7 @@ class SelfCollision(Constraint):
         np.minimum(pairs.counts, room, out=pairs.counts)
         if not pairs.counts[2]:
             self.crossings = 0
+            self._knotted = 0.0
             self._tangled[:] = False
         self._since = 0
         self.searches += 1

@@ -92,6 +92,24 @@ def mark_tangled(x, crossings, crossing_count, tangled):
 
 
 @kernel()
+def spread(triangles, tangled, rings, scratch):
+    """Marks the neighbours of what is tangled, too.
+
+    Args:
+        triangles: Particles, shape [t, 3].
+        tangled: Marks, changed in place, shape [n].
+        rings: How many edges away.
+        scratch: Shape [n].
+    """
+    for _ in range(rings):
+        scratch[:] = tangled
+        for t in range(triangles.shape[0]):
+            i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+            if scratch[i] or scratch[j] or scratch[k]:
+                tangled[i] = tangled[j] = tangled[k] = True
+
+
+@kernel()
 def untangle(x, v, inverse_mass, crossings, crossing_count, far, softness):
     """Displaces edges and the triangles that they pass through so that contours get shorter.
 

@@ -42,8 +42,9 @@ def pace(piece: Piece, params: Parameters, dt: float) -> tuple[int, int]:
     """How many sub-steps in a step of dt [s], and how many for each search for contacts."""
     settings = params.settings
     assert isinstance(settings, XpbdSettings)
-    swing = _workspace(piece).extent / max(math.hypot(*params.environment.gravity), _EARTH)
-    share = math.sqrt(swing / (_SMALL / _EARTH))
+    # What is not a number is no gravity: `recovery` sees to it.
+    pull = max(_EARTH, math.hypot(*params.environment.gravity))
+    share = math.sqrt(_workspace(piece).extent / _SMALL * _EARTH / pull)
     longest = settings.sub_step * min(max(share, _SHORTEST), 1.0)
     count = max(1, math.ceil(dt / longest - 1e-6))
     passes = math.ceil(count / settings.search_every)
