@@ -6,6 +6,8 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from ros_input.cloth import SECOND, stamp_of
 
 from garment_sim_ros.cli.main import main
@@ -78,8 +80,9 @@ def test_the_cloth_of_the_nodes_is_that_of_simulate(
         heard = [probe.listen(JOINT_STATES, raw=True)]
         heard += [probe.listen(GARMENT_POINTS, name, raw=True) for name in ("skirt", "shirt")]
         until(lambda: all(map(probe.received, heard)), "the probe hears all of it")
-        nodes["mocap_player"].send(signal.SIGTERM)
-        assert nodes["mocap_player"].wait() == 0
+        # Not ended before its readers have all of it: what is under way then is lost.
+        halt = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
+        assert probe.call(ChangeState, "mocap_player/change_state", halt).success
 
         def apart():
             last = [stamp_of(probe.received(name)[-1]) for name in heard]
@@ -90,7 +93,7 @@ def test_the_cloth_of_the_nodes_is_that_of_simulate(
         # What its nodes tell after it comes after it: the recorder has it, too.
         told = count("/diagnostics")
         until(lambda: count("/diagnostics") > told + len(nodes), "diagnostics")
-    for name in ("collider_node", "cloth_node"):
+    for name in NODES:
         nodes[name].send(signal.SIGTERM)
         assert nodes[name].wait() == 0
         # On a busy machine the player may stand still for longer than a jump is.
