@@ -153,3 +153,12 @@ def test_neighbours_of_a_knot(seed, rings):
         expected |= {p for t in triangles.tolist() if expected & set(t) for p in t}
     spread(triangles, marked, rings, np.zeros(40, np.bool_))
     assert set(np.flatnonzero(marked).tolist()) == expected
+
+
+def test_a_knot_that_stays_for_days_costs_no_more_than_the_garment_is_wide(cloth):
+    _, triangles = cloth.grid(9, 7)
+    marked = np.zeros(2 * 63, np.bool_)
+    marked[5] = True
+    spread(triangles.astype(np.int32), marked, 2**40, np.zeros_like(marked))
+    assert marked[:63].all()
+    assert not marked[63:].any()

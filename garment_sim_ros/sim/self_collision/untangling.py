@@ -93,7 +93,7 @@ def mark_tangled(x, crossings, crossing_count, tangled):
 
 @kernel()
 def spread(triangles, tangled, rings, scratch):
-    """Marks the neighbours of what is tangled, too.
+    """Marks the neighbours of what is tangled, too; ends where there are no more of them.
 
     Args:
         triangles: Particles, shape [t, 3].
@@ -103,10 +103,14 @@ def spread(triangles, tangled, rings, scratch):
     """
     for _ in range(rings):
         scratch[:] = tangled
+        more = False
         for t in range(triangles.shape[0]):
             i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
             if scratch[i] or scratch[j] or scratch[k]:
+                more |= not (tangled[i] and tangled[j] and tangled[k])
                 tangled[i] = tangled[j] = tangled[k] = True
+        if not more:
+            break
 
 
 @kernel()
