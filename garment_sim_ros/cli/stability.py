@@ -13,6 +13,7 @@ from garment_sim_ros.cli.progress import progress
 from garment_sim_ros.cli.staging import staged
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.params import LifecycleParameters, declarations, validated
+from garment_sim_ros.presets import Choice, chosen
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.stability.cells import Cell, cells
 from garment_sim_ros.stability.judge import Outcome, judge
@@ -91,27 +92,38 @@ def _chosen(args: argparse.Namespace) -> list[Cell]:
 
 
 def _settings(args: argparse.Namespace) -> dict[str, Any]:
-    """Settings by solver: of all, or of the one that the preset has.
+    """Settings by solver: of all, or of those that are asked for.
 
     Raises:
-        ParameterError: What the scenes themselves say, or one that does nothing here.
+        ParameterError: What the scenes themselves say, or what a solver does not have.
     """
+    if args.solver:
+        if any(text.split("=")[0].strip() == "cloth_node.solver" for text in args.set):
+            raise ParameterError("--set cloth_node.solver", "is beside --solver", "allowed: one")
+        return {
+            name: _settings_of(chosen(args.preset, [*args.set, f"cloth_node.solver={name}"]))
+            for name in args.solver
+        }
     choice = choice_of(args)
+    if args.preset == LifecycleParameters().preset and not any(choice.single.values()):
+        return {name: solver.settings() for name, solver in SOLVERS.items()}
+    return {choice.solver: _settings_of(choice)}
+
+
+def _settings_of(choice: Choice) -> Any:
+    """Settings of one solver, see `_settings`."""
     group = SOLVERS[choice.solver].settings
-    usual = args.preset == LifecycleParameters().preset and not any(choice.single.values())
+    allowed = ["solver", *declarations(group)]
     for node, single in choice.single.items():
-        allowed = ["solver", *declarations(group)] if node == "cloth_node" else []
         for name in single:
-            if name not in allowed:
-                known = ", ".join(f"cloth_node.{n}" for n in ["solver", *declarations(group)])
+            if node != "cloth_node" or name not in allowed:
+                known = ", ".join(f"cloth_node.{n}" for n in allowed)
                 raise ParameterError(
-                    f"--set {node}.{name}", "is what the scenes say", f"allowed: {known}"
+                    f"--set {node}.{name}",
+                    "is what the scenes say",
+                    f"allowed: {known}",
                 )
-    solvers = args.solver or (list(SOLVERS) if usual else [choice.solver])
-    of_preset: Any = validated(group, choice.values("cloth_node", group))
-    return {
-        name: of_preset if name == choice.solver else SOLVERS[name].settings() for name in solvers
-    }
+    return validated(group, choice.values("cloth_node", group))
 
 
 def _row(cell: Cell, settings: Mapping[str, Any]) -> Row:

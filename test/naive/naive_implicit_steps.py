@@ -68,6 +68,7 @@ class SubSteps:
         contact_stiffness: Stiffness of a contact of each particle [N/m], shape [free].
         lift: How far above a surface contacts are found [m].
         blend: How much of the last sub-step counts in the share of free fall.
+        enough: What a step towards the least energy gains at most where it may be the last [J].
         share: How freely each particle fell of late, shape [free].
         levers: Of particles that touched in the last sub-step.
     """
@@ -80,6 +81,7 @@ class SubSteps:
     contact_stiffness: FloatArray
     lift: float
     blend: float
+    enough: float
     share: FloatArray
     levers: dict[int, FloatArray] = field(default_factory=dict)
 
@@ -131,7 +133,7 @@ class SubSteps:
                 force[p] = 0.0
         return force
 
-    def run(self, begin: float, end: float, dt: float, iterations: int) -> int:
+    def run(self, begin: float, end: float, dt: float, iterations: int, most: int) -> int:
         """A sub-step of dt [s] from one share of the step to another; counts whom contact presses.
 
         Places of ties are not known before the first one, which begins at 0.
@@ -154,7 +156,7 @@ class SubSteps:
             if tie.is_firm:
                 piece.x[tie.particle] = goal
         contacts = self._touch(x_start, shift, end)
-        self._minimise(x_start, free_end, contacts, ends, dt, iterations)
+        self._minimise(x_start, free_end, contacts, ends, dt, iterations, most)
         return self._velocities(x_start, free_end, started, contacts, push, dt)
 
     def _minimise(
@@ -165,8 +167,9 @@ class SubSteps:
         ends: list[tuple[Tie, FloatArray, FloatArray]],
         dt: float,
         iterations: int,
+        most: int,
     ) -> None:
-        """Steps towards the least energy."""
+        """So many steps towards the least energy, up to `most` where they gain much."""
         piece, f = self.piece, self.piece.free
         inertia = (1.0 + dt * piece.damping) / dt**2 / piece.inverse_mass[:f]
         matrix = laplacian(self.edges, self.bound, len(piece.x))[:f, :f]
@@ -185,15 +188,18 @@ class SubSteps:
         steps: list[FloatArray] = []
         changes: list[FloatArray] = []
         force = forces()
-        for _ in range(iterations):
+        for i in range(max(iterations, most)):
             way = quasi_newton_direction(force, matrix, steps, changes)
             piece.x[:f] += way.T
             now = forces()
             fell, grows = float((force * way).sum()), -float((now * way).sum())
-            if grows > 0.9 * fell and (iterations > 1 or steps):
+            last = i + 1 >= (iterations if fell <= self.enough else most)
+            if grows > 0.9 * fell and (steps or not last):
                 part = fell / (fell + grows)
                 piece.x[:f] += (part - 1.0) * way.T
                 way, now = part * way, forces()
+            if last:
+                break
             if (way * (force - now)).sum() > 0.0:
                 steps.append(way)
                 changes.append(force - now)

@@ -17,6 +17,7 @@ from garment_sim_ros.params import (
     ClothNodeParameters,
     ColliderOptions,
     Environment,
+    ImplicitSettings,
     XpbdSettings,
     declarations,
     idle,
@@ -184,6 +185,18 @@ def test_stability_drives_the_solver_of_the_preset():
     for word in ("cloth_node.solver_step=0.01", "collider_node.method=capsules"):
         with pytest.raises(gs.ParameterError, match=r"is what the scenes say; allowed: cloth_n"):
             stability._settings(parsed("stability", "--set", word))
+
+
+def test_stability_takes_single_parameters_for_the_solver_that_is_asked_for():
+    words = ("stability", "--solver", "implicit", "--set")
+    found = stability._settings(parsed(*words, "cloth_node.sub_step=0.004"))
+    assert found == {"implicit": ImplicitSettings(sub_step=0.004)}
+    both = stability._settings(parsed(*words, "cloth_node.iterations=3", "--solver", "xpbd"))
+    assert both == {"implicit": ImplicitSettings(iterations=3), "xpbd": XpbdSettings(iterations=3)}
+    with pytest.raises(gs.ParameterError, match=r"coarse: does nothing with the solver implicit"):
+        stability._settings(parsed(*words, "cloth_node.coarse=true"))
+    with pytest.raises(gs.ParameterError, match=r"solver: is beside --solver; allowed: one"):
+        stability._settings(parsed(*words, "cloth_node.solver=xpbd"))
 
 
 def test_an_outfit_wins_over_a_preset_where_it_says_something():

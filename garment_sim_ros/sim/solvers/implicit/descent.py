@@ -6,7 +6,7 @@ from garment_sim_ros.geometry.copying import copy
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.sim.motion import move_pins
 from garment_sim_ros.sim.solvers.implicit.cholesky import factorise
-from garment_sim_ros.sim.solvers.implicit.contact import take_hold, update_diagonal
+from garment_sim_ros.sim.solvers.implicit.contact import update_diagonal
 from garment_sim_ros.sim.solvers.implicit.forces import (
     add_inertia_and_contact,
     edge_forces,
@@ -58,18 +58,22 @@ def advance(moving, ties, place, direction, step):
 
 
 @kernel(inner=True)
-def minimise(moving, ties, cloth, friction, hold, past, iterations):
-    """Steps towards the least energy, from x, which is changed in place."""
+def minimise(moving, ties, cloth, friction, hold, past, iterations, most):
+    """Steps towards the least energy, from x, which is changed in place.
+
+    So many iterations; up to `most` where the last of them still gained more than `cloth.enough`.
+    """
     force, other, direction = past.now, past.next, past.direction
     all_forces(moving, ties, cloth, friction, hold, force)
     count = 0
-    for i in range(iterations):
+    for i in range(max(iterations, most)):
         descend(force, cloth.fronts, cloth.factor, cloth.scratch, past, count, direction)
         before = dot(force, direction)
         if not before > 0.0:
             break
         advance(moving, ties, cloth.place, direction, np.float32(1.0))
-        if i + 1 == iterations and count == 0:
+        last = i + 1 >= (iterations if before <= cloth.enough else most)
+        if last and count == 0:
             break  # The matrix is an upper bound: the first step is never too long.
         all_forces(moving, ties, cloth, friction, hold, other)
         after = dot(other, direction)
@@ -78,6 +82,8 @@ def minimise(moving, ties, cloth, friction, hold, past, iterations):
             step = before / (before - after)
             advance(moving, ties, cloth.place, direction, np.float32(step - 1.0))
             all_forces(moving, ties, cloth, friction, hold, other)
+        if last:
+            break
         count = remember(past, count, direction, step, force, other)
         force, other = other, force
 
@@ -118,20 +124,19 @@ def keep_up(x, x_before, behind):
 
 
 @kernel()
-def find_positions(moving, ties, cloth, hold, past, met, iterations):
-    """From a prediction and the contacts found there to the positions of least energy.
+def find_positions(moving, ties, cloth, hold, past, friction, iterations, most):
+    """To the positions of least energy, with the planes of contact that there are.
 
     Args:
         moving: `Moving`; positions are changed in place, and what follows them.
         ties: `solvers.implicit.given.Ties`.
-        cloth: `solvers.implicit.given.Cloth`; `clear` are the positions that the search moved
-            to thickness and lift.
+        cloth: `solvers.implicit.given.Cloth`.
         hold: `solvers.implicit.given.Hold`.
         past: `solvers.implicit.given.Past`.
-        met: `solvers.implicit.given.Met`.
-        iterations: Steps towards the least energy.
+        friction: Coulomb coefficient.
+        iterations: Steps towards the least energy, see `minimise`.
+        most: Likewise.
     """
-    take_hold(moving.x[: moving.share.size], moving.x_start, cloth, met, hold)
     update_diagonal(
         cloth.base, cloth.place, cloth.fronts.owner, hold, cloth.diagonal, cloth.changed
     )
@@ -144,4 +149,4 @@ def find_positions(moving, ties, cloth, hold, past, met, iterations):
         cloth.update,
         cloth.factor,
     )
-    minimise(moving, ties, cloth, met.friction, hold, past, iterations)
+    minimise(moving, ties, cloth, friction, hold, past, iterations, most)

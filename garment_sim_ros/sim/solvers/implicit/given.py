@@ -11,7 +11,7 @@ from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.solvers.implicit.dissection import Fronts
 from garment_sim_ros.sim.solvers.implicit.triangles import Triangles
 
-_PAST = 5
+_PAST = 12
 """How many steps towards the least energy the next one is found from."""
 
 
@@ -80,7 +80,6 @@ class Met(NamedTuple):
         inner: Radius of a ball that fits into each shape [m], shape [m].
         lift: How far above a surface contacts are found [m].
         swift: See `take_hold` [1/m].
-        friction: Coulomb coefficient.
     """
 
     contacts: Contacts
@@ -88,7 +87,6 @@ class Met(NamedTuple):
     inner: SingleArray
     lift: np.float32
     swift: np.float32
-    friction: np.float32
 
 
 class Past(NamedTuple):
@@ -179,6 +177,7 @@ class Cloth(NamedTuple):
         hinge_weight: Shape [h, 4].
         hinge_stiffness: Shape [h] [N/m].
         inertia: Mass over squared sub-step, with damping [N/m], shape [free].
+        enough: What a step towards the least energy gains at most where it may be the last [J].
         place: Column of each free particle, shape [free].
         fronts: Order and fronts of the matrix.
         stiffness: Of edges between free particles in the matrix [N/m], shape [inner].
@@ -203,6 +202,7 @@ class Cloth(NamedTuple):
     hinge_weight: SingleArray
     hinge_stiffness: SingleArray
     inertia: SingleArray
+    enough: float
     place: LongArray
     fronts: Fronts
     stiffness: FloatArray

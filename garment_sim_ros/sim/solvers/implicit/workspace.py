@@ -24,6 +24,9 @@ _SMALL = 0.1
 """Extent of a garment [m]; with smaller ones the two lengths before shrink."""
 _HARDLY = 1e-5
 """Strain by a garment's own weight that makes no difference to it."""
+_ENOUGH = 3e-4
+"""A step towards the least energy may be the last where what it gains would not carry the whole
+garment through more than this share of its extent in a sub-step."""
 _FIRM = 1e4
 """An attachment that is stiffer, in stiffnesses of all else at its particle, does not give way."""
 
@@ -84,6 +87,7 @@ class ImplicitWorkspace(Workspace):
     """Scratch arrays, and what the material makes of the mesh.
 
     Attributes:
+        extent: Of the garment at rest, the largest [m].
         sink: See `_WEIGHTS` [m].
         lift: How far above a surface contacts are found [m].
         cloth: Edges, hinges and the matrix.
@@ -102,6 +106,7 @@ class ImplicitWorkspace(Workspace):
             whether it is for triangles.
     """
 
+    extent: float
     sink: float
     lift: float
     cloth: Cloth
@@ -140,6 +145,7 @@ class ImplicitWorkspace(Workspace):
         column = np.concatenate([fronts.place, np.full(len(model) - n, n)]).astype(np.uint32)
         made = cls(
             **vars(Workspace.room_for(model, shapes)),
+            extent=extent,
             sink=_SINK * min(1.0, extent / _SMALL),
             lift=_LIFT * min(1.0, extent / _SMALL),
             cloth=Cloth(
@@ -153,6 +159,7 @@ class ImplicitWorkspace(Workspace):
                 hinge_weight=bending.weight.astype(np.float32),
                 hinge_stiffness=bending.stiffness.astype(np.float32),
                 inertia=np.zeros(n, np.float32),
+                enough=0.0,
                 place=fronts.place,
                 fronts=fronts,
                 stiffness=np.zeros(0),
@@ -216,7 +223,10 @@ class ImplicitWorkspace(Workspace):
             return self.ties
         if triangles != self.prepared_for[2]:
             self._take(model, self._stretch(model, triangles))
-        cloth, mass = self.cloth, model.mass[: model.free_count]
+        mass = model.mass[: model.free_count]
+        self.cloth = cloth = self.cloth._replace(
+            enough=float(mass.sum()) * (_ENOUGH * self.extent / dt) ** 2
+        )
         cloth.inertia[:] = mass * ((1.0 + dt * rate) / dt**2)
         cloth.base[cloth.place] = cloth.inertia + self.pull
         cloth.contact_stiffness[:] = mass * (GRAVITY * _WEIGHTS / self.sink)
