@@ -193,7 +193,7 @@ class SubSteps:
             piece.x[:f] += way.T
             now = forces()
             fell, grows = float((force * way).sum()), -float((now * way).sum())
-            last = i + 1 >= (iterations if fell <= self.enough else most)
+            last = i + 1 >= (iterations if fell <= self.enough else max(iterations, most))
             if grows > 0.9 * fell and (steps or not last):
                 part = fell / (fell + grows)
                 piece.x[:f] += (part - 1.0) * way.T

@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
-from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.contact.cores import Cores
 from garment_sim_ros.contact.guard.outside import outside
-from garment_sim_ros.contact.packed import PackedShapes, PosedShapes
+from garment_sim_ros.contact.packed import PackedShapes
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.geometry.boxes import column_of
 
@@ -23,22 +22,6 @@ BLOCK = 16
 """Triangles of a block, which has one box."""
 _MOST = 8192
 """Pairs of a core and a triangle that can be near each other at once."""
-
-
-class Around(NamedTuple):
-    """What of the colliders and contacts the guard is given.
-
-    Attributes:
-        shapes: Packed shapes.
-        posed: The same, posed now.
-        since: The same, with the way since the last search.
-        contacts: Contacts of the free particles.
-    """
-
-    shapes: PackedShapes
-    posed: PosedShapes
-    since: PosedShapes
-    contacts: Contacts
 
 
 class Guard(NamedTuple):

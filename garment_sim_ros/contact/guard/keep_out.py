@@ -294,7 +294,7 @@ def _separate(guard, contacts, x_before, x, attempt):
     return moved
 
 
-@kernel()
+@kernel(inner=True)
 def keep_out(guard, bodies, x_before, x_free, x, v, thickness, time):
     """Keeps all cores out of all triangles after a search for contacts.
 
@@ -302,7 +302,8 @@ def keep_out(guard, bodies, x_before, x_free, x, v, thickness, time):
 
     Args:
         guard: `contact.guard.guard.Guard`, changed in place.
-        bodies: `contact.guard.guard.Around`, of which the contacts are changed in place.
+        bodies: A tuple with packed `shapes`, the same `posed` now, `since` with the way since the
+            last search, and `contacts` of the free particles, which are changed in place.
         x_before: Positions at the last search [m], shape [n, 3].
         x_free: Positions now, before contact, changed in place [m], shape [n, 3].
         x: The same after contact, changed in place [m], shape [n, 3].

@@ -26,7 +26,7 @@ def on_the_cone(ux, uy, uz, nx, ny, nz, gap, friction):
     return held * ux + gap * nx, held * uy + gap * ny, held * uz + gap * nz
 
 
-@kernel()
+@kernel(inner=True)
 def take_hold(x, x_start, cloth, met, hold):
     """Planes of contact after a search with `lift` on top of the thickness.
 

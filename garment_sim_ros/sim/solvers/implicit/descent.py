@@ -6,7 +6,7 @@ from garment_sim_ros.geometry.copying import copy
 from garment_sim_ros.jit import kernel
 from garment_sim_ros.sim.motion import move_pins
 from garment_sim_ros.sim.solvers.implicit.cholesky import factorise
-from garment_sim_ros.sim.solvers.implicit.contact import update_diagonal
+from garment_sim_ros.sim.solvers.implicit.contact import take_hold, update_diagonal
 from garment_sim_ros.sim.solvers.implicit.forces import (
     add_inertia_and_contact,
     edge_forces,
@@ -72,7 +72,7 @@ def minimise(moving, ties, cloth, friction, hold, past, iterations, most):
         if not before > 0.0:
             break
         advance(moving, ties, cloth.place, direction, np.float32(1.0))
-        last = i + 1 >= (iterations if before <= cloth.enough else most)
+        last = i + 1 >= (iterations if before <= cloth.enough else max(iterations, most))
         if last and count == 0:
             break  # The matrix is an upper bound: the first step is never too long.
         all_forces(moving, ties, cloth, friction, hold, other)
@@ -124,19 +124,21 @@ def keep_up(x, x_before, behind):
 
 
 @kernel()
-def find_positions(moving, ties, cloth, hold, past, friction, iterations, most):
-    """To the positions of least energy, with the planes of contact that there are.
+def find_positions(moving, ties, cloth, hold, past, met, iterations, most):
+    """From a prediction and the contacts found there to the positions of least energy.
 
     Args:
         moving: `Moving`; positions are changed in place, and what follows them.
         ties: `solvers.implicit.given.Ties`.
-        cloth: `solvers.implicit.given.Cloth`.
+        cloth: `solvers.implicit.given.Cloth`; `clear` are the positions that the search moved
+            to thickness and lift.
         hold: `solvers.implicit.given.Hold`.
         past: `solvers.implicit.given.Past`.
-        friction: Coulomb coefficient.
+        met: `solvers.implicit.given.Met`.
         iterations: Steps towards the least energy, see `minimise`.
         most: Likewise.
     """
+    take_hold(moving.x[: moving.share.size], moving.x_start, cloth, met, hold)
     update_diagonal(
         cloth.base, cloth.place, cloth.fronts.owner, hold, cloth.diagonal, cloth.changed
     )
@@ -149,4 +151,4 @@ def find_positions(moving, ties, cloth, hold, past, friction, iterations, most):
         cloth.update,
         cloth.factor,
     )
-    minimise(moving, ties, cloth, friction, hold, past, iterations, most)
+    minimise(moving, ties, cloth, met.friction, hold, past, iterations, most)

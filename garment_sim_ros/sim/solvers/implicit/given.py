@@ -11,7 +11,7 @@ from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.solvers.implicit.dissection import Fronts
 from garment_sim_ros.sim.solvers.implicit.triangles import Triangles
 
-_PAST = 12
+_PAST = 5
 """How many steps towards the least energy the next one is found from."""
 
 
@@ -80,6 +80,7 @@ class Met(NamedTuple):
         inner: Radius of a ball that fits into each shape [m], shape [m].
         lift: How far above a surface contacts are found [m].
         swift: See `take_hold` [1/m].
+        friction: Coulomb coefficient.
     """
 
     contacts: Contacts
@@ -87,6 +88,7 @@ class Met(NamedTuple):
     inner: SingleArray
     lift: np.float32
     swift: np.float32
+    friction: np.float32
 
 
 class Past(NamedTuple):

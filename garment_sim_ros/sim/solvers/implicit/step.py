@@ -18,8 +18,6 @@ import numpy as np
 
 from garment_sim_ros.constants import GRAVITY
 from garment_sim_ros.contact.collide import collide
-from garment_sim_ros.contact.guard.guard import Around
-from garment_sim_ros.contact.guard.keep_out import keep_out
 from garment_sim_ros.contact.sweep import sweep
 from garment_sim_ros.params import ImplicitSettings
 from garment_sim_ros.sim.colliders import ColliderState
@@ -27,14 +25,8 @@ from garment_sim_ros.sim.holds.tether_kernels import pull_tethers
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.motion import damping_rate, measure_motion, outer_forces
 from garment_sim_ros.sim.piece import Piece, Step
-from garment_sim_ros.sim.solvers.implicit.contact import take_hold
-from garment_sim_ros.sim.solvers.implicit.descent import (
-    begin_sub_step,
-    find_positions,
-    keep_up,
-)
+from garment_sim_ros.sim.solvers.implicit.descent import begin_sub_step, find_positions, keep_up
 from garment_sim_ros.sim.solvers.implicit.given import Met, Moving, PinFrames
-from garment_sim_ros.sim.solvers.implicit.guarded import hold_guarded
 from garment_sim_ros.sim.solvers.implicit.ties import begin_ties
 from garment_sim_ros.sim.solvers.implicit.velocities import new_velocities
 from garment_sim_ros.sim.solvers.implicit.workspace import ImplicitWorkspace
@@ -68,18 +60,15 @@ def solve(piece: Piece, step: Step, first: int, last: int, searches: bool) -> No
     """One sub-step, but for its velocities.
 
     A prediction, pins, a search for contacts there, `iterations` steps towards the least energy.
-    Fast shapes stop particles that they would pass, as predicted and as solved. Where the guard
-    has to move what was solved, it is solved once more. Does not allocate arrays.
+    Fast shapes stop particles that they would pass, as predicted and as solved. Does not allocate
+    arrays.
     """
     _predict(piece, step)
     for _ in range(_SEARCHES):
         _search(piece, step.colliders)
-        _take_hold(piece, step)
         _descend(piece, step)
         if not _stop_the_fast(piece, step.colliders):
             break
-    if len(_workspace(piece).guard.shape) and _keep_limbs_out(piece, step):
-        _descend(piece, step)
 
 
 def meet(piece: Piece, step: Step) -> None:
@@ -188,55 +177,29 @@ def _search(piece: Piece, colliders: ColliderState) -> None:
     )
 
 
-def _take_hold(piece: Piece, step: Step) -> None:
-    """Makes planes of contact of what the search found."""
-    workspace, colliders = _workspace(piece), step.colliders
+def _descend(piece: Piece, step: Step) -> None:
+    """Goes towards the positions of least energy."""
+    workspace, colliders, settings = _workspace(piece), step.colliders, step.params.settings
+    assert isinstance(settings, ImplicitSettings)
     # A particle that a fast shape accelerates to a speed u in one sub-step, with 19 others
     # (`_WEIGHTS`), sinks in by a small fraction of the shape's radius at most.
     swift = np.float32(workspace.sink / (GRAVITY * step.dt * step.dt))
-    take_hold(
-        piece.state.x[: piece.model.free_count],
-        workspace.x_start,
+    find_positions(
+        _moving(piece),
+        workspace.ties,
         workspace.cloth,
+        workspace.hold,
+        workspace.past,
         Met(
             contacts=workspace.contacts,
             carry=colliders.posed.carry,
             inner=colliders.sweep.inscribed_radius,
             lift=np.float32(workspace.lift),
             swift=swift,
+            friction=np.float32(piece.model.material.friction),
         ),
-        workspace.hold,
-    )
-
-
-def _descend(piece: Piece, step: Step) -> None:
-    """Goes towards the positions of least energy."""
-    workspace, settings = _workspace(piece), step.params.settings
-    assert isinstance(settings, ImplicitSettings)
-    find_positions(
-        *(_moving(piece), workspace.ties, workspace.cloth, workspace.hold, workspace.past),
-        np.float32(piece.model.material.friction),
         *(settings.iterations, settings.most_iterations),
     )
-
-
-def _keep_limbs_out(piece: Piece, step: Step) -> int:
-    """How many particles the guard has to move; planes of contact then hold them there."""
-    state, workspace, colliders = piece.state, _workspace(piece), step.colliders
-    before = workspace.cloth.clear
-    before[:] = state.x
-    keep_out(
-        workspace.guard,
-        Around(colliders.shapes, colliders.posed, colliders.since, workspace.contacts),
-        *(workspace.x_start, before, state.x, state.v),
-        np.float32(_thickness(piece, colliders)),
-        np.float32(step.dt),
-    )
-    moved = hold_guarded(
-        *(workspace.guard, workspace.contacts, colliders.posed.carry, workspace.x_start, before),
-        *(state.x, workspace.x_predicted, workspace.cloth, workspace.hold),
-    )
-    return int(moved)
 
 
 def _moving(piece: Piece) -> Moving:

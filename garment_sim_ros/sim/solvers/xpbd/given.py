@@ -6,7 +6,7 @@ import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.contacts import Contacts
-from garment_sim_ros.contact.guard.guard import Around, Guard
+from garment_sim_ros.contact.guard.guard import Guard
 from garment_sim_ros.contact.packed import PackedShapes, PosedShapes
 from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.contact.sweep import Sweep
@@ -172,9 +172,6 @@ class Given(NamedTuple):
         rule: Likewise.
         to_solve: For `sub_steps.solve`, but for the sub-steps.
         to_meet: For `sub_steps.meet`, but for its last argument.
-        to_guard: For `contact.guard.keep_out.keep_out`, likewise.
-        time: That, the time since the last search [s]: a sub-step where there are no planes of
-            it, and else.
     """
 
     step: Step
@@ -183,8 +180,6 @@ class Given(NamedTuple):
     rule: Rule
     to_solve: tuple[Particles, Elastic, Frames, Planes, Rule]
     to_meet: tuple[Particles, Bodies, Prepared, Planes, Rule]
-    to_guard: tuple[Guard, Around, SingleArray, SingleArray, SingleArray, SingleArray, np.float32]
-    time: tuple[np.float32, np.float32]
 
     def fits(self, step: Step) -> bool:
         """Whether it is for steps such as this one, however many sub-steps it has."""

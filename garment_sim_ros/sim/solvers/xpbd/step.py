@@ -10,8 +10,6 @@ import math
 
 import numpy as np
 
-from garment_sim_ros.contact.guard.guard import Around
-from garment_sim_ros.contact.guard.keep_out import keep_out
 from garment_sim_ros.jit import compiled
 from garment_sim_ros.params import XpbdSettings
 from garment_sim_ros.sim.colliders import ColliderState
@@ -88,7 +86,7 @@ def meet(piece: Piece, step: Step) -> None:
     own, bodies, ready, planes, rule = given.to_meet
     workspace.contact_count = workspace.code[2](own, bodies, ready, planes, rule, has_planes)
     if len(bodies.guard.shape):
-        workspace.code[3](*given.to_guard, given.time[has_planes])
+        workspace.code[3](own, bodies, rule, has_planes)
     workspace.code[4](own, bodies.posed.carry, planes, rule)
 
 
@@ -127,13 +125,6 @@ def _given(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Given:
         rule=rule,
         to_solve=(own, elastic, frames, planes, rule),
         to_meet=(own, bodies, elastic.ready, planes, rule),
-        to_guard=(
-            bodies.guard,
-            Around(bodies.shapes, bodies.posed, bodies.since, bodies.contacts),
-            *(own.x_search, own.x_predicted, own.x, own.v),
-            rule.thickness,
-        ),
-        time=(rule.dt, rule.dt * np.float32(step.search_every)),
     )
     workspace.all_given[step.search_every] = given
     if workspace.code is None:
@@ -141,7 +132,7 @@ def _given(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Given:
             compiled(sub_steps.begin, own, rule, True),
             compiled(sub_steps.solve, *given.to_solve, 0, 1, True),
             compiled(sub_steps.meet, *given.to_meet, True),
-            compiled(keep_out, *given.to_guard, rule.dt),
+            compiled(sub_steps.guard, own, bodies, rule, True),
             compiled(sub_steps.stop, own, bodies.posed.carry, planes, rule),
         )
     return given

@@ -1,12 +1,13 @@
 """Sub-steps of `xpbd` of one garment, compiled; the arguments are those of `xpbd.given`.
 
-A search for contacts is three kernels, `meet`, `contact.guard.keep_out` and `stop`: it is most of
-what there is to compile, which several processes do at once.
+A search for contacts is three kernels, `meet`, `guard` and `stop`: it is most of what there is to
+compile, which several processes do at once.
 """
 
 import numpy as np
 
 from garment_sim_ros.contact.collide import collide_particles
+from garment_sim_ros.contact.guard.keep_out import keep_out
 from garment_sim_ros.contact.sweep import sweep
 from garment_sim_ros.geometry.copying import copy
 from garment_sim_ros.jit import kernel
@@ -203,7 +204,7 @@ def _leave_to_guard(shape, kept):
 
 @kernel()
 def meet(own, bodies, ready, planes, rule, has_planes):
-    """A search for contacts at the end of a sub-step, and contact; the guard and `stop` follow.
+    """A search for contacts at the end of a sub-step, and contact; `guard` and `stop` follow.
 
     Args:
         own: `Particles`.
@@ -258,6 +259,22 @@ def meet(own, bodies, ready, planes, rule, has_planes):
             SHAPES_MOVE * dt,
         )
     return count
+
+
+@kernel()
+def guard(own, bodies, rule, has_planes):
+    """Keeps the cores of body parts out of the cloth after `meet`, with the same arguments."""
+    time = rule.dt * np.float32(rule.search_every) if has_planes else rule.dt
+    keep_out(
+        bodies.guard,
+        bodies,
+        own.x_search,
+        own.x_predicted,
+        own.x,
+        own.v,
+        rule.thickness,
+        time,
+    )
 
 
 @kernel()
