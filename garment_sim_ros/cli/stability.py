@@ -119,9 +119,7 @@ def _settings_of(choice: Choice) -> Any:
             if node != "cloth_node" or name not in allowed:
                 known = ", ".join(f"cloth_node.{n}" for n in allowed)
                 raise ParameterError(
-                    f"--set {node}.{name}",
-                    "is what the scenes say",
-                    f"allowed: {known}",
+                    f"--set {node}.{name}", "is what the scenes say", f"allowed: {known}"
                 )
     return validated(group, choice.values("cloth_node", group))
 

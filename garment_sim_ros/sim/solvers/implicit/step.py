@@ -198,7 +198,8 @@ def _descend(piece: Piece, step: Step) -> None:
             swift=swift,
             friction=np.float32(piece.model.material.friction),
         ),
-        *(settings.iterations, settings.most_iterations),
+        settings.iterations,
+        settings.most_iterations,
     )
 
 
