@@ -8,7 +8,9 @@ A fast kernel that other kernels call is compiled into its callers (``forceinlin
 otherwise exist twice, by itself and in each caller, reordered differently by fast-math, and which
 of the two runs depends on what the process compiled, loaded or called before: two processes would
 differ in the last bits. One that no Python code calls is marked ``inner=True``: it goes without an
-entry for Python, which takes a fifth of all compiling.
+entry for Python, which takes a fifth of all compiling. What the compiler makes for itself, such as
+powers, it keeps for all that the process compiles later, with the options of what asked first.
+Here kernels of different options do not share it.
 
 Kernels are cached on disk. The compiler's own cache looks at a kernel's file only and not at those
 of the functions and constants compiled into it, so that after an update of one file it would go on
@@ -30,6 +32,7 @@ from typing import Any
 import numba
 import numpy as np
 from numba import njit
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 from numba.core.types import unliteral
@@ -115,6 +118,10 @@ _origins: dict[Callable[..., Any], tuple[Dispatcher, tuple[Any, ...]]] = {}
 _ONLY_KERNELS = "{} is an inner kernel: only kernels call it"
 
 
+_made_within: dict[tuple[Any, ...], dict[Any, Any]] = {}
+"""What the compiler made for itself, by options of the kernels that it was made in."""
+
+
 class _Kernel(CPUDispatcher):
     """A kernel that is compiled for types only: one called with 0 and then with i exists once."""
 
@@ -123,13 +130,24 @@ class _Kernel(CPUDispatcher):
 
     def compile(self, sig: Any) -> Any:
         """As the base class does, an eighth faster: a compiler makes objects that stay."""
-        collects = gc.isenabled()
-        gc.disable()
-        try:
-            return super().compile(sig)
-        finally:
-            if collects:
-                gc.enable()
+        with global_compiler_lock:
+            context = self.targetdescr.target_context
+            shared = context.cached_internal_func
+            context.cached_internal_func = _made_within.setdefault(self._options(), {})
+            collects = gc.isenabled()
+            gc.disable()
+            try:
+                return super().compile(sig)
+            finally:
+                context.cached_internal_func = shared
+                if collects:
+                    gc.enable()
+
+    def _options(self) -> tuple[Any, ...]:
+        """Of the options of a kernel, those that what is made within it takes over."""
+        options = self.targetoptions
+        fast = options["fastmath"] or ()
+        return tuple(sorted(fast)), options.get("_nrt", True)
 
 
 class _Inner(_Kernel):

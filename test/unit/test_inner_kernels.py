@@ -3,6 +3,7 @@
 import dis
 import importlib
 import pkgutil
+import re
 import subprocess
 import sys
 
@@ -54,6 +55,29 @@ def test_no_fast_kernel_exists_twice():
     kernels = _all_kernels()
     assert len(kernels) > 300
     assert _twice(kernels) == set()
+
+
+@kernel(cache=False)
+def _fast_power(x):
+    return x**2 + 1.0
+
+
+@exact_kernel(cache=False)
+def _exact_power(x):
+    return x**2 + 1.0
+
+
+def test_powers_are_those_of_the_kernel_whatever_was_compiled_before():
+    """The compiler makes a function for them, and keeps it for all kernels that come later."""
+    kernels = [_fast_power, _exact_power]
+    for one in kernels:
+        one(3.0)
+    products = {
+        one: re.findall(r"fmul (.*?)double", "".join(one.inspect_llvm().values()))
+        for one in kernels
+    }
+    assert {"reassoc" in flags for flags in products[_fast_power]} == {True}
+    assert {"reassoc" in flags for flags in products[_exact_power]} == {False}
 
 
 @kernel()
