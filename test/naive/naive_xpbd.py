@@ -1,5 +1,7 @@
 """The kernels of `xpbd` again, in float64 and one constraint at a time, for tests to compare."""
 
+import dataclasses
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -101,34 +103,97 @@ def pull_cells(
     return x
 
 
+@dataclasses.dataclass(frozen=True)
+class Strained:
+    """Edges that may be too long, and what holds their ends.
+
+    Attributes:
+        edges: Ends, shape [e, 2].
+        rest_length: Lengths at rest [m], shape [e].
+        inverse_mass: Of particles [1/kg], shape [n].
+        normal: Outward normals of surfaces that particles touch, NaN where none, shape [n, 3].
+        pressed: Which are pressed from two sides, shape [n].
+        kept: Which the guard keeps, shape [n].
+        free: How many are not pinned: the first ones.
+        longest: Strain that no single edge is left with.
+    """
+
+    edges: IntArray
+    rest_length: FloatArray
+    inverse_mass: FloatArray
+    normal: FloatArray
+    pressed: NDArray[np.bool_]
+    kept: NDArray[np.bool_]
+    free: int
+    longest: float
+
+    def length(self, x: FloatArray) -> FloatArray:
+        """Of each edge [m], shape [e]."""
+        return np.linalg.norm(x[self.edges[:, 0]] - x[self.edges[:, 1]], axis=1)
+
+    def are_single(self, x: FloatArray) -> bool:
+        """Whether up to 2 % of the edges are too long."""
+        return bool(np.mean(self.length(x) > (1.0 + self.longest) * self.rest_length) <= 0.02)
+
+    def draw(self, x: FloatArray, e: int, to: float, weights: list[float], yields: bool) -> None:
+        """Draws the ends of edge e to a length, by weights, along surfaces that do not yield."""
+        i, j = self.edges[e]
+        apart = x[i] - x[j]
+        pull = (1.0 - to / float(np.linalg.norm(apart))) * apart / sum(weights)
+        for p, way in ((i, -weights[0] * pull), (j, weights[1] * pull)):
+            into = float(way @ self.normal[p])
+            stays_out = into < 0.0 and not (yields and self.pressed[p])
+            x[p] += way - into * self.normal[p] if stays_out else way
+
+
 def limit_strain(
     x: FloatArray,
     x_before: FloatArray,
-    edges: IntArray,
-    rest_length: FloatArray,
-    inverse_mass: FloatArray,
-    normal: FloatArray,
-    stays: NDArray[np.bool_],
+    strained: Strained,
     limit: float,
     grown: NDArray[np.float64],
 ) -> FloatArray:
     """Positions [n, 3] after passes over edges that are too long, and have grown by a share, [e].
 
-    Particles touch a surface with the given outward normals, NaN where they touch none, [n, 3].
-    Those that stay, [n], and all edges at them are left alone.
+    Edges at pins are left alone, and those at particles that the guard keeps, unless they are
+    among few that are longer than `longest`.
     """
     x = np.array(x, dtype=np.float64)
+    longest = strained.longest if strained.are_single(x) else np.inf
     for _ in range(10):
-        for e, (i, j) in enumerate(edges):
-            apart = x[i] - x[j]
+        for e, (i, j) in enumerate(strained.edges):
+            rest = strained.rest_length[e]
+            length = float(np.linalg.norm(x[i] - x[j]))
             before = float(np.linalg.norm(np.float64(x_before[i]) - x_before[j]))
-            longest = max((1.0 + limit) * rest_length[e], (1.0 + grown[e]) * before)
-            over = float(np.linalg.norm(apart)) - longest
-            total = inverse_mass[i] + inverse_mass[j]
-            if over <= 0.0 or stays[i] or stays[j]:
+            to = min(max((1.0 + limit) * rest, (1.0 + grown[e]) * before), (1.0 + longest) * rest)
+            yields = length > (1.0 + longest) * rest
+            kept = strained.kept[i], strained.kept[j]
+            if length <= to or max(i, j) >= strained.free or all(kept):
                 continue
-            pull = over * apart / float(np.linalg.norm(apart)) / total
-            for p, way in ((i, -inverse_mass[i] * pull), (j, inverse_mass[j] * pull)):
-                into = float(way @ normal[p])
-                x[p] += way - into * normal[p] if into < 0.0 else way
+            if yields or not any(kept):
+                weights = [
+                    0.0 if kept[k] else strained.inverse_mass[p] for k, p in ((0, i), (1, j))
+                ]
+                strained.draw(x, e, to, weights, yields)
+    return x
+
+
+def shorten_longest(x: FloatArray, strained: Strained) -> FloatArray:
+    """Positions [n, 3] after passes over edges that are longer than `longest`, if they are few.
+
+    The guard yields, and shapes that press a particle from two sides. Of edges at pins those are
+    left alone whose other end is in the air.
+    """
+    x = np.array(x, dtype=np.float64)
+    yielding = dataclasses.replace(strained, pressed=strained.pressed | strained.kept)
+    if not strained.are_single(x):
+        return x
+    for _ in range(30):
+        for e, (i, j) in enumerate(strained.edges):
+            to = (1.0 + strained.longest) * strained.rest_length[e]
+            in_the_air = np.isnan(strained.normal[min(i, j)]).any() or min(i, j) >= strained.free
+            at_pin = max(i, j) >= strained.free
+            if np.linalg.norm(x[i] - x[j]) > to and not (at_pin and in_the_air):
+                weights = [strained.inverse_mass[p] for p in (i, j)]
+                yielding.draw(x, e, to, weights, True)
     return x

@@ -11,7 +11,13 @@ from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.sim.solvers.xpbd.edges import prepare_edges
 from garment_sim_ros.sim.solvers.xpbd.given import Particles, Planes
 from garment_sim_ros.sim.solvers.xpbd.prepared import Edges
-from garment_sim_ros.sim.solvers.xpbd.strain_limit import _CREEP, _EASES, limit_strain
+from garment_sim_ros.sim.solvers.xpbd.strain_limit import (
+    _CREEP,
+    _EASES,
+    _LONGEST,
+    limit_strain,
+    shorten_longest,
+)
 
 LIMIT = 0.5
 TIME = 1 / 180
@@ -39,12 +45,11 @@ def ready_edges(rng, edges, rest, weight):
     return Edges(particles, ready, 0, np.zeros(len(edges), np.float32)), length
 
 
-@given(st.integers(0, 10**6), st.floats(0.001, 0.05))
-@settings(derandomize=True, deadline=None, max_examples=40)
-def test_limit(cloth, seed, scale):
-    """As the twin; nothing goes into a surface that it touches, and what stays stays.
+def strained_cloth(cloth, seed, scale):
+    """A crumpled sheet with three pins, of which shapes and the guard hold some particles.
 
-    Velocities stay, too: they are what contact moved.
+    Returns:
+        Positions, `Edges`, `Planes`, what the guard keeps, and the same as the twin has it.
     """
     rng = np.random.default_rng(seed)
     rest, triangles = cloth.grid(6, 7)
@@ -58,33 +63,100 @@ def test_limit(cloth, seed, scale):
     normal = rng.normal(size=(free, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     shape = rng.choice([-1, 0, 1, 2], free).astype(np.int32)
-    empty = np.zeros((free, 3), np.float32)
     depth = rng.choice([0.001, np.inf], free, p=[0.8, 0.2]).astype(np.float32)
-    planes = Planes(shape, normal.astype(np.float32), depth, empty, empty)
-    touches = np.append(shape >= 0, [False] * 3)
-    pressed = touches & np.append(depth == np.inf, [False] * 3)
-    moves = touches & np.append(shape == 2, [False] * 3)
-    held = touches[edges].all(axis=1) | pressed[edges].any(axis=1)
-    eased = held & moves[edges].any(axis=1)
-    outward = np.zeros((len(rest), 3))
-    outward[:free][shape >= 0] = normal[shape >= 0]
-    x_before = (rest + rng.normal(0.0, scale, rest.shape)).astype(np.float32)
     kept = rng.choice([-1, -1, -1, 2], free).astype(np.int32)
-    stays = np.append(kept >= 0, [True] * 3)
+    empty = np.zeros((free, 3), np.float32)
+    outward = np.full((len(rest), 3), np.nan)
+    outward[:free][shape >= 0] = normal[shape >= 0]
+    pins = [False] * 3
+    strained = naive_xpbd.Strained(
+        edges=edges,
+        rest_length=length,
+        inverse_mass=weight,
+        normal=outward,
+        pressed=np.append((shape >= 0) & (depth == np.inf), pins),
+        kept=np.append(kept >= 0, pins),
+        free=free,
+        longest=_LONGEST,
+    )
+    planes = Planes(shape, normal.astype(np.float32), depth, empty, empty)
+    return x, ready, planes, kept, strained
+
+
+# Edges are 2 cm long: with some 4 mm, few of them are too long.
+SCALE = st.floats(0.0035, 0.0055) | st.floats(0.001, 0.05)
+
+
+@given(st.integers(0, 10**6), SCALE)
+@settings(derandomize=True, deadline=None, max_examples=80)
+def test_limit(cloth, seed, scale):
+    """As the twin; nothing goes into a surface that it touches, and what stays stays.
+
+    Velocities stay, too: they are what contact moved.
+    """
+    x, ready, planes, kept, strained = strained_cloth(cloth, seed, scale)
+    rng = np.random.default_rng(seed + 1)
+    edges, free = strained.edges, strained.free
+    touches = np.append(planes.shape >= 0, [False] * 3)
+    moves = np.append(planes.shape == 2, [False] * 3)
+    held = touches[edges].all(axis=1) | strained.pressed[edges].any(axis=1)
+    eased = held & moves[edges].any(axis=1)
+    x_before = (x + rng.normal(0.0, scale, x.shape)).astype(np.float32)
     own = particles_at(x, x_before, rng.normal(0.0, 1e-3, x.shape).astype(np.float32))
     by_contact = x - own.x_predicted
     grown = np.where(eased, -_EASES, _CREEP) * TIME
-    expected = naive_xpbd.limit_strain(
-        x, x_before, edges, length, weight, outward, stays, LIMIT, grown
-    )
+    expected = naive_xpbd.limit_strain(x, x_before, strained, LIMIT, grown)
     before = x.copy()
     limits = np.float32(LIMIT), np.float32(TIME), np.float32(SLOW)
     limit_strain(own, ready, planes, CARRY, kept, *limits)
     np.testing.assert_allclose(x, expected, atol=2e-5)
     np.testing.assert_allclose(x - own.x_predicted, by_contact, atol=1e-6)
+    stays = strained.kept | (np.arange(len(x)) >= free)
     assert (x[stays] == before[stays]).all()
-    into = ((x - before)[:free] * normal).sum(axis=1)[shape >= 0]
-    assert into.min() > -1e-5
+    into = ((x - before)[:free] * planes.normal).sum(axis=1)
+    assert into[touches[:free] & ~strained.pressed[:free]].min() > -1e-5
+
+
+@given(st.integers(0, 10**6), SCALE)
+@settings(derandomize=True, deadline=None, max_examples=80)
+def test_longest_edges_after_a_step(cloth, seed, scale):
+    """As the twin; pins stay, and where many edges are too long all does."""
+    x, ready, planes, kept, strained = strained_cloth(cloth, seed, scale)
+    before = x.copy()
+    shorten_longest(x, ready, planes, kept, np.float32(LIMIT))
+    np.testing.assert_allclose(x, naive_xpbd.shorten_longest(before, strained), atol=2e-5)
+    assert (x[strained.free :] == before[strained.free :]).all()
+    if not strained.are_single(before):
+        assert (x == before).all()
+
+
+@pytest.mark.parametrize("held", ["pressed", "kept"])
+@pytest.mark.parametrize("far", [0.04, 0.1])
+def test_a_single_edge_is_shortened_whatever_holds_its_ends(cloth, held, far):
+    """Its neighbours take over what it gives up: none is left too long."""
+    rest, triangles = cloth.grid(12, 12)
+    edges = mesh_topology(triangles).edges
+    weight = np.ones(len(rest), np.float32)
+    ready, length = ready_edges(np.random.default_rng(0), edges, rest, weight)
+    x = rest.astype(np.float32)
+    middle = int(np.argmin(np.linalg.norm(rest - rest.mean(axis=0), axis=1)))
+    x[middle, 2] += far
+    shape = np.full(len(rest), -1, np.int32)
+    depth = np.zeros(len(rest), np.float32)
+    kept = shape.copy()
+    # The shape would have it there.
+    shape[middle] = 0
+    if held == "kept":
+        kept[middle] = 0
+    else:
+        depth[middle] = np.inf
+    up = np.zeros((len(rest), 3), np.float32) + np.float32([0.0, 0.0, 1.0])
+    planes = Planes(shape, up, depth, up, up)
+    strain = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) / length - 1.0
+    assert 0.0 < np.mean(strain > _LONGEST) <= 0.02
+    shorten_longest(x, ready, planes, kept, np.float32(0.3))
+    strain = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) / length - 1.0
+    assert strain.max() < _LONGEST + 0.05
 
 
 def test_short_edges_are_left_alone(cloth):

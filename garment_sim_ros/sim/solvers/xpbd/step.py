@@ -26,6 +26,7 @@ from garment_sim_ros.sim.solvers.xpbd.given import (
     Planes,
     Rule,
 )
+from garment_sim_ros.sim.solvers.xpbd.strain_limit import shorten_longest
 from garment_sim_ros.sim.solvers.xpbd.workspace import XpbdWorkspace
 from garment_sim_ros.solver_params import TRIANGLES
 
@@ -93,6 +94,11 @@ def meet(piece: Piece, step: Step) -> None:
 def finish(piece: Piece) -> None:
     """Ends a step: what moves particles after it is a jump, and contacts are looked for anew."""
     workspace = _workspace(piece)
+    assert workspace.code is not None
+    assert workspace.given is not None
+    own, bodies, ready, planes, rule = workspace.given.to_meet
+    if rule.strain_limit > 0.0:
+        workspace.code[5](own.x, ready.edges, planes, bodies.guard.kept, rule.strain_limit)
     workspace.x_end[:] = piece.state.x
 
 
@@ -134,6 +140,10 @@ def _given(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Given:
             compiled(sub_steps.meet, *given.to_meet, True),
             compiled(sub_steps.guard, own, bodies, rule, True),
             compiled(sub_steps.stop, own, bodies.posed.carry, planes, rule),
+            compiled(
+                *(shorten_longest, own.x, elastic.ready.edges, planes, bodies.guard.kept),
+                rule.strain_limit,
+            ),
         )
     return given
 

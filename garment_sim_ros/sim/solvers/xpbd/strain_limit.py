@@ -10,6 +10,11 @@ eased down to the limit, a little in each search, where the shapes move. Where t
 pulls there would pull it back again and again. The guard outranks all this: it comes after, and
 what it keeps is left alone, as are edges at pins. Velocities stay as they are: pinched cloth,
 which contact and this move to and fro, would be pumped.
+
+Single edges, where body parts close on cloth, would still be stretched to several times their
+length: each end is in the shape that the other one is pressed out of. To those that are longer
+than `_LONGEST` shapes yield, and after a step, when all else has acted, none is left longer. Where
+many are, the cloth itself is pulled: the guard, and `holds.letting_go`, tell how far.
 """
 
 import numpy as np
@@ -20,10 +25,14 @@ from garment_sim_ros.geometry.vectors import along, dot, less, row
 from garment_sim_ros.jit import kernel, lean_kernel
 
 _THREE = np.uint64(3)
-_PASSES = 10
+_PASSES, _LAST_PASSES = 10, 30
 _CREEP = 2.0
 """Edges that grow more slowly than this are left [1/s]: what contact moves against the limit would
 never rest."""
+_LONGEST = 0.85
+"""Strain that no single edge is left with [1]."""
+_SINGLE = np.float32(0.02)
+"""Up to this share of all edges, those that are longer are single ones."""
 _EASES = 2.0
 """How fast edges that are too long get shorter where shapes hold them and move [1/s]."""
 SHAPES_MOVE = np.float32(0.005)
@@ -31,22 +40,39 @@ SHAPES_MOVE = np.float32(0.005)
 
 
 @lean_kernel(inner=True)
-def _draw(own, planes, p, way):
-    """Moves particle p by `way`, but not into the surface that it touches."""
-    if planes.shape[p] >= 0:
-        n = row(planes.normal, p)
-        into = dot(way, n)
-        if into < np.float32(0.0):
-            way = along(way, n, -into)
-    for axis in range(3):
-        own.x[p, axis] += way[axis]
-        own.x_predicted[p, axis] += way[axis]
+def _squared(strain):
+    """The square of how many times as long as at rest an edge of some strain is."""
+    return (np.float32(1.0) + strain) * (np.float32(1.0) + strain)
 
 
 @lean_kernel(inner=True)
-def _stays(kept, p):
-    """Whether something else has the last word on particle p: a pin, or the guard."""
-    return p >= kept.size or kept[p] >= 0
+def _longest(limit):
+    """The strain that no edge is left with."""
+    return max(np.float32(_LONGEST), limit)
+
+
+@lean_kernel(inner=True)
+def _along_surface(planes, p, way, yields):
+    """A way of particle p, less what leads into the surface that it touches.
+
+    Args:
+        planes: `Planes`.
+        p: The particle.
+        way: The way [m].
+        yields: Whether shapes yield that press it from two sides.
+    """
+    if planes.shape[p] < 0:
+        return way
+    if yields and planes.depth[p] == np.float32(np.inf):
+        return way
+    n = row(planes.normal, p)
+    return along(way, n, -min(dot(way, n), np.float32(0.0)))
+
+
+@lean_kernel(inner=True)
+def _has_pin(edges, kept, e):
+    """Whether an end of edge e is pinned: pins come last."""
+    return max(edges.particles[2 * e], edges.particles[2 * e + 1]) >= kept.size
 
 
 @lean_kernel(inner=True)
@@ -77,10 +103,11 @@ def _is_eased(own, planes, carry, i, j, slow):
 
 
 @lean_kernel(inner=True)
-def _draw_together(own, edges, planes, carry, kept, e, most, grown, eased, slow):
+def _draw_together(own, edges, planes, carry, kept, e, most, longest, grown, eased, slow):
     """Draws the ends of edge e together if it is longer than `most`, squared, and has grown.
 
-    One that is eased is drawn to a part of what it was in any case.
+    One that is eased is drawn to a part of what it was in any case, one that is longer than
+    `longest`, squared, to this.
 
     Returns:
         Whether it was.
@@ -91,19 +118,50 @@ def _draw_together(own, edges, planes, carry, kept, e, most, grown, eased, slow)
     squared = dot(d, d)
     if not squared > most * numbers[0, e]:
         return False
-    if _stays(kept, i) or _stays(kept, j):
+    yields = squared > longest * numbers[0, e]
+    if _has_pin(edges, kept, e) or not (yields or (kept[i] < 0 and kept[j] < 0)):
         return False
-    both = numbers[1, e] + numbers[2, e]
+    a = numbers[1, e] if kept[i] < 0 else np.float32(0.0)
+    b = numbers[2, e] if kept[j] < 0 else np.float32(0.0)
     before = less(row(own.x_search, i), row(own.x_search, j))
     part = eased if _is_eased(own, planes, carry, i, j, slow) else grown
-    longest = max(most * numbers[0, e], part * part * dot(before, before))
-    if not (both > np.float32(0.0) and squared > longest):
+    to = max(most * numbers[0, e], part * part * dot(before, before))
+    to = min(to, longest * numbers[0, e])
+    if not (a + b > np.float32(0.0) and squared > to):
         return False
-    share = (np.float32(1.0) - np.sqrt(longest / squared)) / both
-    a, b = -share * numbers[1, e], share * numbers[2, e]
-    _draw(own, planes, i, (a * d[0], a * d[1], a * d[2]))
-    _draw(own, planes, j, (b * d[0], b * d[1], b * d[2]))
+    share = (np.float32(1.0) - np.sqrt(to / squared)) / (a + b)
+    a, b = -share * a, share * b
+    for p, part in ((i, a), (j, b)):
+        way = _along_surface(planes, p, (part * d[0], part * d[1], part * d[2]), yields)
+        for axis in range(3):
+            own.x[p, axis] += way[axis]
+            own.x_predicted[p, axis] += way[axis]
     return True
+
+
+@lean_kernel(inner=True)
+def _are_short(x, edges, e, most):
+    """Whether edges e to e + 3 are known to be no longer than `most`, squared."""
+    if e >= edges.fours:
+        return False
+    particles, rest = edges.particles, edges.numbers[0]
+    a, b = _span(x, particles, e), _span(x, particles, e + 1)
+    c, d = _span(x, particles, e + 2), _span(x, particles, e + 3)
+    return not any_above(squares(a, b, c, d), same_four(most) * four_at(rest, np.uint64(e)))
+
+
+@lean_kernel(inner=True)
+def _are_single(x, edges, longest):
+    """Whether few edges are longer than `longest`, squared."""
+    flat, particles, rest = x.reshape(-1), edges.particles, edges.numbers[0]
+    found = 0
+    for e in range(0, rest.size, 4):
+        if _are_short(flat, edges, e, longest):
+            continue
+        for k in range(e, min(e + 4, rest.size)):
+            d = less(row(x, particles[2 * k]), row(x, particles[2 * k + 1]))
+            found += dot(d, d) > longest * rest[k]
+    return np.float32(found) <= _SINGLE * np.float32(rest.size)
 
 
 @kernel(forceinline=True)
@@ -121,23 +179,81 @@ def limit_strain(own, edges, planes, carry, kept, limit, time, slow):
         time: Since the last search [s].
         slow: What shapes move in a sub-step at least where edges are eased [m].
     """
-    most = (np.float32(1.0) + limit) * (np.float32(1.0) + limit)
+    most, longest = _squared(limit), _squared(_longest(limit))
     grown = np.float32(1.0) + np.float32(_CREEP) * time
     eased = max(np.float32(1.0) - np.float32(_EASES) * time, np.float32(0.0))
-    x, particles, rest = own.x.reshape(-1), edges.particles, edges.numbers[0]
+    x, count = own.x.reshape(-1), edges.numbers.shape[1]
+    if not _are_single(own.x, edges, longest):
+        longest = np.float32(np.inf)
     for _ in range(_PASSES):
         found = False
-        for e in range(0, rest.size, 4):
-            if e < edges.fours:
-                a, b = _span(x, particles, e), _span(x, particles, e + 1)
-                c, d = _span(x, particles, e + 2), _span(x, particles, e + 3)
-                longest = same_four(most) * four_at(rest, np.uint64(e))
-                if not any_above(squares(a, b, c, d), longest):
-                    continue
-            for k in range(e, min(e + 4, rest.size)):
+        for e in range(0, count, 4):
+            if _are_short(x, edges, e, most):
+                continue
+            for k in range(e, min(e + 4, count)):
                 drawn = _draw_together(
-                    own, edges, planes, carry, kept, k, most, grown, eased, slow
+                    own, edges, planes, carry, kept, k, most, longest, grown, eased, slow
                 )
+                found = found or drawn
+        if not found:
+            break
+
+
+@lean_kernel(inner=True)
+def _touches(planes, kept, p):
+    """Whether particle p is free and touches a shape."""
+    return p < kept.size and planes.shape[p] >= 0
+
+
+@lean_kernel(inner=True)
+def _shorten(x, edges, planes, kept, e, longest):
+    """Draws the ends of edge e together where it is longer than `longest`, squared.
+
+    Returns:
+        Whether it was. An edge at a pin is not, where its other end is in the air.
+    """
+    particles, numbers = edges.particles, edges.numbers
+    i, j = np.int64(particles[2 * e]), np.int64(particles[2 * e + 1])
+    d = less(row(x, i), row(x, j))
+    squared = dot(d, d)
+    to = longest * numbers[0, e]
+    a, b = numbers[1, e], numbers[2, e]
+    if not squared > to or (max(i, j) >= kept.size and not _touches(planes, kept, min(i, j))):
+        return False
+    share = (np.float32(1.0) - np.sqrt(to / squared)) / (a + b)
+    for p, part in ((i, -share * a), (j, share * b)):
+        if p >= kept.size:
+            continue
+        way = (part * d[0], part * d[1], part * d[2])
+        if kept[p] < 0:
+            way = _along_surface(planes, p, way, True)
+        for axis in range(3):
+            x[p, axis] += way[axis]
+    return True
+
+
+@kernel()
+def shorten_longest(x, edges, planes, kept, limit):
+    """After a step: no single edge is left longer than `_LONGEST`.
+
+    Args:
+        x: Positions, changed in place [m], shape [n, 3]; velocities stay.
+        edges: `Edges`.
+        planes: `Planes`; of them shapes, normals and depths that the last search found.
+        kept: What the guard keeps, which yields: shape [free].
+        limit: Strain that edges do not grow beyond.
+    """
+    longest = _squared(_longest(limit))
+    flat, count = x.reshape(-1), edges.numbers.shape[1]
+    if not _are_single(x, edges, longest):
+        return
+    for _ in range(_LAST_PASSES):
+        found = False
+        for e in range(0, count, 4):
+            if _are_short(flat, edges, e, longest):
+                continue
+            for k in range(e, min(e + 4, count)):
+                drawn = _shorten(x, edges, planes, kept, k, longest)
                 found = found or drawn
         if not found:
             break

@@ -68,7 +68,8 @@ class XpbdWorkspace(Workspace):
         has_planes: Whether the last sub-step began with planes of a search.
         given: What the kernels are given; None before the first step.
         all_given: The same by sub-steps for each search: steps in parts have several in turn.
-        code: Machine code of the kernels of `sub_steps`, in order; None before the first step.
+        code: Machine code of the kernels of `sub_steps`, in order, and of `shorten_longest`; None
+            before the first step.
     """
 
     springs: Springs
