@@ -132,8 +132,8 @@ class Strained:
         return np.linalg.norm(x[self.edges[:, 0]] - x[self.edges[:, 1]], axis=1)
 
     def are_single(self, x: FloatArray) -> bool:
-        """Whether up to 2 % of the edges are too long."""
-        return bool(np.mean(self.length(x) > (1.0 + self.longest) * self.rest_length) <= 0.02)
+        """Whether up to 1 % of the edges are too long."""
+        return bool(np.mean(self.length(x) > (1.0 + self.longest) * self.rest_length) <= 0.01)
 
     def draw(self, x: FloatArray, e: int, to: float, weights: list[float], yields: bool) -> None:
         """Draws the ends of edge e to a length, by weights, along surfaces that do not yield."""

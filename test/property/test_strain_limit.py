@@ -52,7 +52,7 @@ def strained_cloth(cloth, seed, scale):
         Positions, `Edges`, `Planes`, what the guard keeps, and the same as the twin has it.
     """
     rng = np.random.default_rng(seed)
-    rest, triangles = cloth.grid(6, 7)
+    rest, triangles = cloth.grid(12, 12)
     x = (rest + rng.normal(0.0, scale, rest.shape)).astype(np.float32)
     weight = rng.uniform(500.0, 2000.0, len(rest)).astype(np.float32)
     free = len(rest) - 3
@@ -84,11 +84,11 @@ def strained_cloth(cloth, seed, scale):
 
 
 # Edges are 2 cm long: with some 4 mm, few of them are too long.
-SCALE = st.floats(0.0035, 0.0055) | st.floats(0.001, 0.05)
+SCALE = st.floats(0.0034, 0.0044) | st.floats(0.001, 0.05)
 
 
 @given(st.integers(0, 10**6), SCALE)
-@settings(derandomize=True, deadline=None, max_examples=80)
+@settings(derandomize=True, deadline=None, max_examples=30)
 def test_limit(cloth, seed, scale):
     """As the twin; nothing goes into a surface that it touches, and what stays stays.
 
@@ -118,7 +118,7 @@ def test_limit(cloth, seed, scale):
 
 
 @given(st.integers(0, 10**6), SCALE)
-@settings(derandomize=True, deadline=None, max_examples=80)
+@settings(derandomize=True, deadline=None, max_examples=30)
 def test_longest_edges_after_a_step(cloth, seed, scale):
     """As the twin; pins stay, and where many edges are too long all does."""
     x, ready, planes, kept, strained = strained_cloth(cloth, seed, scale)
@@ -134,7 +134,7 @@ def test_longest_edges_after_a_step(cloth, seed, scale):
 @pytest.mark.parametrize("far", [0.04, 0.1])
 def test_a_single_edge_is_shortened_whatever_holds_its_ends(cloth, held, far):
     """Its neighbours take over what it gives up: none is left too long."""
-    rest, triangles = cloth.grid(12, 12)
+    rest, triangles = cloth.grid(20, 20)
     edges = mesh_topology(triangles).edges
     weight = np.ones(len(rest), np.float32)
     ready, length = ready_edges(np.random.default_rng(0), edges, rest, weight)
@@ -153,7 +153,7 @@ def test_a_single_edge_is_shortened_whatever_holds_its_ends(cloth, held, far):
     up = np.zeros((len(rest), 3), np.float32) + np.float32([0.0, 0.0, 1.0])
     planes = Planes(shape, up, depth, up, up)
     strain = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) / length - 1.0
-    assert 0.0 < np.mean(strain > _LONGEST) <= 0.02
+    assert 0.0 < np.mean(strain > _LONGEST) <= 0.01
     shorten_longest(x, ready, planes, kept, np.float32(0.3))
     strain = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) / length - 1.0
     assert strain.max() < _LONGEST + 0.05

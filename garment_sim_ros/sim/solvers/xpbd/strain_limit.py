@@ -29,9 +29,9 @@ _PASSES, _LAST_PASSES = 10, 30
 _CREEP = 2.0
 """Edges that grow more slowly than this are left [1/s]: what contact moves against the limit would
 never rest."""
-_LONGEST = 0.85
+_LONGEST = 0.9
 """Strain that no single edge is left with [1]."""
-_SINGLE = np.float32(0.02)
+_SINGLE = np.float32(0.01)
 """Up to this share of all edges, those that are longer are single ones."""
 _EASES = 2.0
 """How fast edges that are too long get shorter where shapes hold them and move [1/s]."""
@@ -218,7 +218,10 @@ def _shorten(x, edges, planes, kept, e, longest):
     squared = dot(d, d)
     to = longest * numbers[0, e]
     a, b = numbers[1, e], numbers[2, e]
-    if not squared > to or (max(i, j) >= kept.size and not _touches(planes, kept, min(i, j))):
+    # An edge without stiffness has no weights.
+    if not (a + b > np.float32(0.0) and squared > to):
+        return False
+    if max(i, j) >= kept.size and not _touches(planes, kept, min(i, j)):
         return False
     share = (np.float32(1.0) - np.sqrt(to / squared)) / (a + b)
     for p, part in ((i, -share * a), (j, share * b)):
