@@ -151,8 +151,8 @@ def _are_short(x, edges, e, most):
 
 
 @lean_kernel(inner=True)
-def _are_single(x, edges, longest):
-    """Whether few edges are longer than `longest`, squared."""
+def _count_longer(x, edges, longest):
+    """How many edges are longer than `longest`, squared."""
     flat, particles, rest = x.reshape(-1), edges.particles, edges.numbers[0]
     found = 0
     for e in range(0, rest.size, 4):
@@ -161,7 +161,13 @@ def _are_single(x, edges, longest):
         for k in range(e, min(e + 4, rest.size)):
             d = less(row(x, particles[2 * k]), row(x, particles[2 * k + 1]))
             found += dot(d, d) > longest * rest[k]
-    return np.float32(found) <= _SINGLE * np.float32(rest.size)
+    return found
+
+
+@lean_kernel(inner=True)
+def _are_single(found, edges):
+    """Whether so many edges are few of all."""
+    return np.float32(found) <= _SINGLE * np.float32(edges.numbers.shape[1])
 
 
 @kernel(forceinline=True)
@@ -183,7 +189,7 @@ def limit_strain(own, edges, planes, carry, kept, limit, time, slow):
     grown = np.float32(1.0) + np.float32(_CREEP) * time
     eased = max(np.float32(1.0) - np.float32(_EASES) * time, np.float32(0.0))
     x, count = own.x.reshape(-1), edges.numbers.shape[1]
-    if not _are_single(own.x, edges, longest):
+    if not _are_single(_count_longer(own.x, edges, longest), edges):
         longest = np.float32(np.inf)
     for _ in range(_PASSES):
         found = False
@@ -248,7 +254,8 @@ def shorten_longest(x, edges, planes, kept, limit):
     """
     longest = _squared(_longest(limit))
     flat, count = x.reshape(-1), edges.numbers.shape[1]
-    if not _are_single(x, edges, longest):
+    too_long = _count_longer(x, edges, longest)
+    if too_long == 0 or not _are_single(too_long, edges):
         return
     for _ in range(_LAST_PASSES):
         found = False
