@@ -109,6 +109,24 @@ def insides(x, triangles, depth, dipoles, points, result):
         result[i] = winding(x, triangles, depth, dipoles, p[0], p[1], p[2]) > INSIDE
 
 
+@exact_kernel()
+def inside_of(x, triangles, points, result):
+    """The same for a surface that moves, triangle by triangle.
+
+    Args:
+        x: Its vertices, shape [v, 3].
+        triangles: Shape [t, 3].
+        points: Shape [p, 3].
+        result: Output, shape [p].
+    """
+    for i in range(points.shape[0]):
+        total = 0.0
+        for t in range(triangles.shape[0]):
+            a, b, c = x[triangles[t, 0]], x[triangles[t, 1]], x[triangles[t, 2]]
+            total += 2.0 * _solid_angle(a, b, c, points[i, 0], points[i, 1], points[i, 2])
+        result[i] = total > INSIDE * 4.0 * np.pi
+
+
 @exact_kernel(inner=True)
 def face_normal(x, triangle):
     """Unit normal of a triangle, zero where it has no area."""

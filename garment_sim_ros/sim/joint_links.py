@@ -10,14 +10,17 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import minimum_spanning_tree
+from scipy.spatial.distance import cdist
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.cores import Cores
 from garment_sim_ros.contact.crossings import find_hits
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import invert_transform, transform_from
-from garment_sim_ros.sim.openings import Tips, tips_of
 
+_SHORT = 0.35
+"""Branches that are shorter are no limbs, but colliders side by side [m]."""
 _MOST = 64
 """Hits of one garment that are kept: more change nothing."""
 
@@ -39,8 +42,8 @@ class JointLinks:
         T = T_world_rest[cores.collider]
         rest = np.einsum("cij,cej->cei", T[:, :3, :3], cores.ends) + T[:, None, :3, 3]
         used = np.flatnonzero(np.isfinite(rest).all(axis=(1, 2)))
-        tips = tips_of(rest[used]) if len(used) else None
-        nodes = np.array(list(_inside_limbs(tips)) if tips else [], np.int32).reshape(-1, 2)
+        pairs = list(_inside_limbs(*limbs_of(rest[used]))) if len(used) else []
+        nodes = np.array(pairs, np.int32).reshape(-1, 2)
         self.cores = used[nodes // 2].astype(np.int32)
         self.at = nodes % 2
         self._carrier = cores.collider[self.cores[:, 0]]
@@ -70,17 +73,45 @@ class JointLinks:
         return np.unique(self._core[:count] // 2)
 
 
-def _inside_limbs(tips: Tips) -> Iterator[tuple[int, int]]:
+def limbs_of(ends: FloatArray) -> tuple[list[list[int]], list[int]]:
+    """The shortest tree of cores, each whole, and where its limbs end.
+
+    Args:
+        ends: Ends of the cores in a pose at rest [m], shape [c, 2, 3]; nodes 2 c and 2 c + 1.
+
+    Returns:
+        Neighbours of each node, and the nodes that are ends of limbs.
+    """
+    points = ends.reshape(-1, 3)
+    n = len(points)
+    length = cdist(points, points) + 1e-3
+    own = np.arange(0, n, 2)
+    # Each core is whole: no other way joins its ends.
+    whole = length[own, own + 1].copy()
+    length[own, own + 1] = length[own + 1, own] = 1e-6
+    tree = minimum_spanning_tree(length).tocoo()
+    length[own, own + 1] = length[own + 1, own] = whole
+    neighbours: list[list[int]] = [[] for _ in range(n)]
+    for a, b in zip(tree.row.tolist(), tree.col.tolist(), strict=True):
+        neighbours[a].append(b)
+        neighbours[b].append(a)
+    tips = [k for k in range(n) if len(neighbours[k]) == 1]
+    return neighbours, [k for k in tips if _branch(neighbours, length, k) > _SHORT]
+
+
+def _branch(neighbours: list[list[int]], length: FloatArray, tip: int) -> float:
+    """Length of a tree from a tip to where it branches [m]."""
+    far, came, node = 0.0, -1, tip
+    while len(on := [k for k in neighbours[node] if k != came]) == 1:
+        far += float(length[node, on[0]])
+        came, node = node, on[0]
+    return far
+
+
+def _inside_limbs(neighbours: list[list[int]], ends: list[int]) -> Iterator[tuple[int, int]]:
     """Pairs of nodes, ends of two cores that follow on each other in a limb."""
-    count = int(tips.tip.min())  # nodes that are ends of cores
-    neighbours: list[list[int]] = [[] for _ in range(count)]
-    for node in range(count):
-        before = int(tips.before[node])
-        if 0 <= before < count:
-            neighbours[node].append(before)
-            neighbours[before].append(node)
     found = set()
-    for end in tips.end.tolist():
+    for end in ends:
         came, node = -1, end
         while len(on := [k for k in neighbours[node] if k != came]) == 1:
             came, node = node, on[0]

@@ -1,9 +1,9 @@
 """Which body parts are through which openings of a garment: legs through a hem, arms in sleeves.
 
 A skirt beside both legs has no leg in it, and none runs through its cloth: that no core of a limb
-pierces a garment does not say that it is worn. Cores of body parts make a tree. A curve from one
-of its tips to another that goes through an opening once cannot leave it but past a tip, or through
-the cloth. An opening is the cone from its middle to its edge.
+pierces a garment does not say that it is worn. The joints of the body make a tree. A curve from
+one of its tips to another that goes through an opening once cannot leave it but past a tip, or
+through the cloth. An opening is the cone from its middle to its edge.
 """
 
 from collections.abc import Sequence
@@ -11,83 +11,18 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
-from scipy.spatial.distance import cdist
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
-from garment_sim_ros.contact.cores import Cores
 from garment_sim_ros.contact.crossings import find_hits
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.topology import boundary_loops
+from garment_sim_ros.geometry.winding_number import inside_of
 from garment_sim_ros.jit import exact_kernel
+from garment_sim_ros.sim.limb_tree import LimbTree
 
-_BEYOND = 0.4
-"""How far a tip reaches [m]: a foot that is drawn into a long skirt still points at its hem."""
-_SHORT = 0.35
-"""Branches that are shorter are no limbs, but colliders side by side [m]."""
 _MOST = 256
 """Crossings of one opening that are kept."""
-
-
-class Tips(NamedTuple):
-    """The tree of a body's cores.
-
-    Attributes:
-        before: Node that comes before each node, -1 at the first, shape [n]; nodes 2 c and 2 c + 1
-            are the ends of core c, then comes a node for each tip.
-        order: Nodes, each after the one before it, shape [n].
-        tip: The nodes that are tips, shape [t].
-        end: The end of a core that each tip goes on from, shape [t].
-    """
-
-    before: IntArray
-    order: IntArray
-    tip: IntArray
-    end: IntArray
-
-
-def tips_of(ends: FloatArray) -> Tips | None:
-    """The shortest tree of cores, each whole, with ends in a pose at rest [m], shape [c, 2, 3].
-
-    Returns:
-        The tree; None where nothing sticks out.
-    """
-    points = ends.reshape(-1, 3)
-    n = len(points)
-    length = cdist(points, points) + 1e-3
-    own = np.arange(0, n, 2)
-    # Each core is whole: no other way joins its ends.
-    whole = length[own, own + 1].copy()
-    length[own, own + 1] = length[own + 1, own] = 1e-6
-    tree = minimum_spanning_tree(length).tocoo()
-    is_core = tree.row // 2 == tree.col // 2
-    tree.data[is_core] = whole[tree.row[is_core] // 2]
-    degree = np.bincount(np.concatenate([tree.row, tree.col]), minlength=n)
-    tips = np.flatnonzero(degree == 1).tolist()
-    end = np.array([k for k in tips if _branch(tree, degree, k) > _SHORT], np.int32)
-    if not len(end):
-        return None
-    tip = n + np.arange(len(end), dtype=np.int32)
-    row, col = np.concatenate([tree.row, end]), np.concatenate([tree.col, tip])
-    graph = coo_matrix((np.ones(len(row)), (row, col)), shape=(n + len(end),) * 2)
-    order, before = breadth_first_order(graph, int(tip[0]), directed=False)
-    return Tips(np.where(before < 0, -1, before), order, tip, end)
-
-
-def _branch(tree: coo_matrix, degree: NDArray[np.integer], tip: int) -> float:
-    """Length of a tree from a tip to where it branches [m]."""
-    far, node, came = 0.0, tip, -1
-    while node == tip or degree[node] == 2:
-        edges = np.flatnonzero((tree.row == node) | (tree.col == node))
-        other = tree.row[edges] + tree.col[edges] - node
-        on = int(np.flatnonzero(other != came)[0])
-        far += float(tree.data[edges[on]])
-        came, node = node, int(other[on])
-        if degree[node] == 1:
-            break
-    return far
 
 
 class Rims(NamedTuple):
@@ -132,8 +67,8 @@ def find_beyond(rims, x, edges, later, before, tip, beyond):
         x: Vertices of the garment [m], shape [v, 3].
         edges: The edge of the tree that ends at each node of `later` [m], shape [n - 1, 2, 3].
         later: Nodes, each after the one before it, without the first, shape [n - 1].
-        before: See `Tips`.
-        tip: See `Tips`.
+        before: See `LimbTree`.
+        tip: See `LimbTree`.
         beyond: Receives them, shape [o, t].
     """
     side, odd = np.zeros(before.size, np.bool_), np.zeros(later.size, np.bool_)
@@ -156,6 +91,46 @@ def find_beyond(rims, x, edges, later, before, tip, beyond):
             beyond[o, n] = side[tip[n]]
 
 
+class Lids(NamedTuple):
+    """A garment with lids on its openings, so that a point is inside of it or not.
+
+    Attributes:
+        triangles: Its own, then those of the lids, shape [t, 3].
+        x: Scratch: its vertices, then the middle of each lid [m], shape [v + o, 3].
+    """
+
+    triangles: IntArray
+    x: SingleArray
+
+    @classmethod
+    def of(cls, triangles: IntArray, rims: Rims) -> "Lids":
+        """Lids on some openings."""
+        count = int(triangles.max(initial=-1)) + 1
+        lids = []
+        for o, (begin, end) in enumerate(zip(rims.first[:-1], rims.first[1:], strict=True)):
+            rim = rims.vertex[begin:end]
+            # Against the direction of the garment's own edges there.
+            lids.append(np.column_stack([np.full(len(rim), count + o), np.roll(rim, -1), rim]))
+        x = np.zeros((count + len(lids), 3), np.float32)
+        return cls(np.concatenate([triangles, *lids]).astype(np.int32), x)
+
+    def around(self, x: SingleArray, rims: Rims, points: FloatArray) -> NDArray[np.bool_]:
+        """Which points are inside of a garment.
+
+        Args:
+            x: Its vertices [m], shape [v, 3].
+            rims: Its openings.
+            points: World positions [m], shape [p, 3].
+        """
+        count = len(self.x) - (len(rims.first) - 1)
+        self.x[:count] = x[:count]
+        for o, (begin, end) in enumerate(zip(rims.first[:-1], rims.first[1:], strict=True)):
+            self.x[count + o] = x[rims.vertex[begin:end]].mean(axis=0)
+        found = np.zeros(len(points), np.bool_)
+        inside_of(self.x, self.triangles, points, found)
+        return found
+
+
 class Openings:
     """The openings of one garment on one body.
 
@@ -169,15 +144,12 @@ class Openings:
     def __init__(
         self, colliders: ColliderSet, T_world_rest: FloatArray, triangles: IntArray
     ) -> None:
-        self._cores = cores = Cores.of(colliders)
         try:
             self._rims = Rims.of(boundary_loops(triangles))
         except GeometryError:  # openings that touch
             self._rims = Rims.of([])
-        T = T_world_rest[cores.collider]
-        rest = np.einsum("cij,cej->cei", T[:, :3, :3], cores.ends) + T[:, None, :3, 3]
-        self._used = np.flatnonzero(np.isfinite(rest).all(axis=(1, 2)))
-        self._tips = tips_of(rest[self._used]) if len(self._used) else None
+        self._lids = Lids.of(triangles, self._rims)
+        self._tree = LimbTree.of(colliders, T_world_rest)
         self._worn = np.zeros((0, 0), np.bool_)
 
     def begin(self, x: SingleArray, poses: ColliderPoses) -> None:
@@ -187,29 +159,38 @@ class Openings:
             x: Its vertices [m], shape [v, 3].
             poses: World poses of the colliders.
         """
-        self._worn = self._through(x, self._cores.posed(poses))
+        if self._tree is None:
+            return
+        nodes = self._tree.posed(poses)
+        self._worn = self._beyond(x, self._tree, nodes)
+        self._drawn_in(x, self._tree, nodes)  # so that it is compiled before it is needed
 
     def lost(self, x: SingleArray, poses: ColliderPoses) -> bool:
-        """Whether nothing is through an opening any more that something was through."""
-        if not self._worn.any():
-            return False  # It was not put on, or nothing is through it.
-        now = self._through(x, self._cores.posed(poses))
-        return bool((self._worn.any(axis=1) & ~(self._worn & now).any(axis=1)).any())
+        """Whether nothing is through an opening any more that something was through.
 
-    def _through(self, x: SingleArray, ends: FloatArray) -> NDArray[np.bool_]:
+        What is drawn in, as feet are in a long skirt when the body crouches, is not lost.
+        """
+        if self._tree is None or not self._worn.any():
+            return False  # It was not put on, or nothing is through it.
+        nodes = self._tree.posed(poses)
+        holds = self._worn & self._beyond(x, self._tree, nodes)
+        lost = self._worn.any(axis=1) & ~holds.any(axis=1)
+        if not lost.any():
+            return False
+        drawn_in = self._worn & self._drawn_in(x, self._tree, nodes)
+        return bool((lost & ~drawn_in.any(axis=1)).any())
+
+    def _beyond(self, x: SingleArray, tree: LimbTree, nodes: FloatArray) -> NDArray[np.bool_]:
         """For each opening, the tips on its other side as seen from the first tip."""
-        if self._tips is None:
-            return np.zeros((0, 0), np.bool_)
-        tips = self._tips
-        points = ends[self._used].reshape(-1, 3)
-        way = points[tips.end] - points[tips.end ^ 1]
-        way *= _BEYOND / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
-        nodes = np.concatenate([points, points[tips.end] + way])
-        later = tips.order[1:]
-        edges = np.stack([nodes[tips.before[later]], nodes[later]], axis=1)
-        beyond = np.zeros((len(self._rims.first) - 1, len(tips.tip)), np.bool_)
-        find_beyond(self._rims, x, edges, later, tips.before, tips.tip, beyond)
+        later = tree.order[1:]
+        edges = np.stack([nodes[tree.before[later]], nodes[later]], axis=1)
+        beyond = np.zeros((len(self._rims.first) - 1, len(tree.tip)), np.bool_)
+        find_beyond(self._rims, x, edges, later, tree.before, tree.tip, beyond)
         return beyond
+
+    def _drawn_in(self, x: SingleArray, tree: LimbTree, nodes: FloatArray) -> NDArray[np.bool_]:
+        """Which limbs end inside of the garment."""
+        return self._lids.around(x, self._rims, nodes[tree.tip - len(tree.tip)])
 
 
 def _fan(count: int) -> IntArray:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.mesh_distance import MeshDistance, sort_triangles
+from garment_sim_ros.geometry.winding_number import inside_of
 
 CHECKED = settings(derandomize=True, deadline=None, max_examples=30)
 
@@ -151,3 +152,18 @@ def test_triangles_are_sorted_in_halves(seed, count, depth):
                 node = middles[order[begin:end]]
                 along = node[:, np.argmax(np.ptp(node, axis=0))]
                 assert along[: middle - begin].max() <= along[middle - begin :].min()
+
+
+@CHECKED
+@given(seed=st.integers(0, 10**6))
+def test_inside_of_a_surface_that_moves(seed):
+    """Triangle by triangle, of single vertices, as the winding number has it."""
+    vertices, faces = star(seed, subdivisions=1)
+    x = vertices.astype(np.float32)
+    points = np.random.default_rng(seed + 1).uniform(-0.7, 0.7, (40, 3))
+    found = np.zeros(40, np.bool_)
+    inside_of(x, faces.astype(np.int32), points, found)
+    expected = [winding_number(x.astype(float)[faces], p) for p in points]
+    for inside, number in zip(found, expected, strict=True):
+        assert abs(number - 0.5) < 1e-3 or inside == (number > 0.5)
+    assert 0 < found.sum() < 40

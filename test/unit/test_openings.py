@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
-from garment_sim_ros.sim.openings import Openings, tips_of
+from garment_sim_ros.sim.joint_links import limbs_of
+from garment_sim_ros.sim.openings import Openings
 
 
 def tube(rows=5, n=24, radius=0.1, half=0.2):
@@ -86,8 +87,7 @@ def test_only_what_sticks_out_is_a_limb():
             [[0.0, 0, 1.2], [0.0, 0, 1.3]],
         ]
     )
-    tips = tips_of(ends)
-    assert sorted(tips.end.tolist()) == [5, 7]
+    assert limbs_of(ends)[1] == [5, 7]
 
 
 def test_where_nothing_is_known_nothing_is_lost():
@@ -96,3 +96,14 @@ def test_where_nothing_is_known_nothing_is_lost():
     openings = Openings(colliders, np.full((1, 4, 4), np.nan), triangles)
     openings.begin(x, at([0, 0, 0]))
     assert not openings.lost(x + np.float32([0.3, 0.0, 0.0]), at([0, 0, 0]))
+
+
+def test_a_limb_that_ends_inside_is_drawn_in_wherever_it_points(worn):
+    """As feet in a long skirt when the body crouches: they point through its front."""
+    openings, x, poses = worn
+    long = x * np.float32([10.0, 10.0, 4.0])
+    drawn = poses.copy()
+    drawn.position[:] = [0, 0, 0.15], [0, 0, -1.7]
+    drawn.orientation[0] = [0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)]
+    assert not openings.lost(long, drawn)
+    assert openings.lost(long + np.float32([2.5, 0.0, 0.0]), drawn)
