@@ -10,7 +10,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
@@ -18,6 +17,7 @@ from garment_sim_ros.contact.cores import Cores
 from garment_sim_ros.contact.crossings import find_hits
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.geometry.transforms import invert_transform, transform_from
+from garment_sim_ros.sim.limb_tree import neighbours_in, to_branch
 
 _SHORT = 0.35
 """Branches that are shorter are no limbs, but colliders side by side [m]."""
@@ -89,23 +89,10 @@ def limbs_of(ends: FloatArray) -> tuple[list[list[int]], list[int]]:
     # Each core is whole: no other way joins its ends.
     whole = length[own, own + 1].copy()
     length[own, own + 1] = length[own + 1, own] = 1e-6
-    tree = minimum_spanning_tree(length).tocoo()
+    neighbours = neighbours_in(length)
     length[own, own + 1] = length[own + 1, own] = whole
-    neighbours: list[list[int]] = [[] for _ in range(n)]
-    for a, b in zip(tree.row.tolist(), tree.col.tolist(), strict=True):
-        neighbours[a].append(b)
-        neighbours[b].append(a)
     tips = [k for k in range(n) if len(neighbours[k]) == 1]
-    return neighbours, [k for k in tips if _branch(neighbours, length, k) > _SHORT]
-
-
-def _branch(neighbours: list[list[int]], length: FloatArray, tip: int) -> float:
-    """Length of a tree from a tip to where it branches [m]."""
-    far, came, node = 0.0, -1, tip
-    while len(on := [k for k in neighbours[node] if k != came]) == 1:
-        far += float(length[node, on[0]])
-        came, node = node, on[0]
-    return far
+    return neighbours, [k for k in tips if to_branch(neighbours, length, k) > _SHORT]
 
 
 def _inside_limbs(neighbours: list[list[int]], ends: list[int]) -> Iterator[tuple[int, int]]:

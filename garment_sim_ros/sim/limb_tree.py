@@ -130,19 +130,33 @@ def _bones(colliders: ColliderSet, T_world_rest: FloatArray) -> Iterator[_Bone]:
             yield _Bone(joint, points)
 
 
+def neighbours_in(gaps: FloatArray) -> list[list[int]]:
+    """Neighbours of each node in the shortest tree of nodes that are so far apart, shape [n, n]."""
+    tree = minimum_spanning_tree(gaps).tocoo()
+    neighbours: list[list[int]] = [[] for _ in gaps]
+    for a, b in zip(tree.row.tolist(), tree.col.tolist(), strict=True):
+        neighbours[a].append(b)
+        neighbours[b].append(a)
+    return neighbours
+
+
+def to_branch(neighbours: Sequence[Sequence[int]], length: NDArray[np.float64], tip: int) -> float:
+    """Length of a tree from a tip to where it branches, by those of its edges, shape [n, n]."""
+    far, came, node = 0.0, -1, tip
+    while len(on := [k for k in neighbours[node] if k != came]) == 1:
+        far += float(length[node, on[0]])
+        came, node = node, on[0]
+    return far
+
+
 def _tree(points: Sequence[FloatArray]) -> tuple[list[list[int]], FloatArray]:
     """Bones next to each bone, by where they are nearest; and distances of their joints [m]."""
     first = np.cumsum([0, *map(len, points)])[:-1]
     everything = np.concatenate(points)
     gap = np.minimum.reduceat(cdist(everything, everything), first, axis=0)
     gap = np.minimum.reduceat(gap, first, axis=1) + 1e-3
-    tree = minimum_spanning_tree(np.triu(gap, 1)).tocoo()
-    neighbours: list[list[int]] = [[] for _ in points]
-    for a, b in zip(tree.row.tolist(), tree.col.tolist(), strict=True):
-        neighbours[a].append(b)
-        neighbours[b].append(a)
     joints = everything[first]
-    return neighbours, cdist(joints, joints)
+    return neighbours_in(np.triu(gap, 1)), cdist(joints, joints)
 
 
 def _limbs_from(
@@ -170,9 +184,5 @@ def _reach(
     points = bones[limb.bone].points
     if not neighbours[limb.bone]:
         return float(np.linalg.norm(points[limb.end] - points[limb.start]))
-    far = float(np.linalg.norm(points[limb.end] - points[0]))
-    came, k = -1, limb.bone
-    while len(on := [n for n in neighbours[k] if n != came]) == 1:
-        far += float(length[k, on[0]])
-        came, k = k, on[0]
-    return far
+    bone = float(np.linalg.norm(points[limb.end] - points[0]))
+    return bone + to_branch(neighbours, length, limb.bone)

@@ -108,9 +108,9 @@ class Lids(NamedTuple):
         count = int(triangles.max(initial=-1)) + 1
         lids = []
         for o, (begin, end) in enumerate(zip(rims.first[:-1], rims.first[1:], strict=True)):
-            rim = rims.vertex[begin:end]
-            # Against the direction of the garment's own edges there.
-            lids.append(np.column_stack([np.full(len(rim), count + o), np.roll(rim, -1), rim]))
+            corners = np.append(count + o, rims.vertex[begin:end])
+            # Against the direction of the garment's own edges there, which fans have.
+            lids.append(corners[rims.fan[begin:end, ::-1]])
         x = np.zeros((count + len(lids), 3), np.float32)
         return cls(np.concatenate([triangles, *lids]).astype(np.int32), x)
 
