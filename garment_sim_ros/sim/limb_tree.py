@@ -131,7 +131,7 @@ def _bones(colliders: ColliderSet, T_world_rest: FloatArray) -> Iterator[_Bone]:
 
 
 def neighbours_in(gaps: FloatArray) -> list[list[int]]:
-    """Neighbours of each node in the shortest tree of nodes that are so far apart, shape [n, n]."""
+    """Neighbours in the shortest tree of nodes that are so far apart, shape [n, n]."""
     tree = minimum_spanning_tree(gaps).tocoo()
     neighbours: list[list[int]] = [[] for _ in gaps]
     for a, b in zip(tree.row.tolist(), tree.col.tolist(), strict=True):
