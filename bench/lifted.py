@@ -57,7 +57,7 @@ class LiftMeter:
     def __init__(self, body: Body, simulation: Simulation) -> None:
         self._arms = _vertices_of(body)
         self._dressed = {view.name: view.worn for view in simulation}
-        self._hems = {n: RidingUp(w.garment).hems for n, w in self._dressed.items()}
+        self._hems = {n: RidingUp(w.given).hems for n, w in self._dressed.items()}
         self.largest = 0.0
         self.frames = 0
 
@@ -79,7 +79,7 @@ class LiftMeter:
             worn, x = self._dressed[name], np.asarray(garments[name], np.float64)
             T = worn.frames.world(poses)
             for hem in hems:
-                rest = blend(worn.garment, T, np.concatenate(hem)).reshape(2, -1, 3)
+                rest = blend(worn.given, T, np.concatenate(hem)).reshape(2, -1, 3)
                 as_skin = rest[1, :, 2] - rest[0, :, 2]
                 below = x[hem.held, 2] - x[hem.vertex, 2]
                 most = max(most, lifted(below, as_skin, x[hem.vertex], skin[self._arms]))

@@ -123,6 +123,7 @@ class Wearer:
             solver=choice.solver,
             settings=validated(group, choice.values("cloth_node", group)),
             solver_step=longest_step(choice.solver, node.solver_step),
+            detail=node.detail,
         )
         skin = self.avatar.body.skin
         meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in garments}

@@ -1,7 +1,7 @@
 """Whether garments stay worn: bodies, clips and outfits, by the measures of `docs/worn.md`.
 
     python bench/worn.py [--clip F ...] [--body F ...] [--outfit F ...] [--variant V ...]
-        [--out DIR] [--jobs N] [--pictures] [--seconds S] [--solver S]
+        [--out DIR] [--jobs N] [--pictures] [--seconds S] [--solver S] [--preset P]
 
 Simulated offline, so without overload but where a variant asks for it. Without options: the
 mannequin at three heights and the bodies with a rig of the shared data, all its clips in full, the
@@ -43,6 +43,7 @@ from garment_sim_ros.body.skinning import Skinner
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.pierced import PiercedMeter, PiercedSoFar
+from garment_sim_ros.declaration import validated
 from garment_sim_ros.garment.colours import garment_colour
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.garment.outfit_file import read_outfit
@@ -53,7 +54,8 @@ from garment_sim_ros.geometry.transforms import (
 )
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import ClipSampler
-from garment_sim_ros.params import ClothNodeParameters
+from garment_sim_ros.params import PRESETS, ClothNodeParameters, ColliderOptions
+from garment_sim_ros.presets import chosen
 from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh
 from garment_sim_ros.recording.own_sides import OwnSides
 from garment_sim_ros.recording.previews import Figure, Look, moments
@@ -72,7 +74,7 @@ SHIRT = "tshirt_female.obj"
 MESHES = (f"{SHIRT}+skirt_short_female.obj", f"{SHIRT}+skirt_long_female.obj")
 OUTFITS = ("tshirt_short_skirt", "tshirt_long_skirt", *MESHES, "trousers_female.obj")
 VARIANTS = ("plain", "2x", "15hz", "stalls")
-KEY = ("body", "outfit", "clip", "variant", "solver", "seconds")
+KEY = ("body", "outfit", "clip", "variant", "solver", "preset", "seconds")
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,7 @@ class Asked:
     clip: str
     variant: str
     solver: str
+    preset: str
     seconds: float
     pictures: str
 
@@ -179,7 +182,9 @@ def run(asked: Asked) -> dict:
     )
     with tempfile.TemporaryDirectory() as folder:
         source = outfit_file(asked.outfit, Path(folder))
-        colliders = fit_colliders(body, read_outfit(source).colliders)
+        usual = chosen(asked.preset).values("collider_node", ColliderOptions)
+        options = read_outfit(source).colliders_on(validated(ColliderOptions, usual))
+        colliders = fit_colliders(body, options)
         garments = load_outfit(source, body, colliders=colliders).garments
     poser, skinner = ColliderPoser(colliders, body), Skinner(body.skin)
     speed = 2.0 if asked.variant == "2x" else 1.0
@@ -194,7 +199,7 @@ def run(asked: Asked) -> dict:
     play, every = steps.get(asked.variant, (plain, 1))
     joints = as_known(joints, every)
     path = [poser.poses(T).copy() for T in joints]
-    simulation = Simulation(garments, colliders, solver=asked.solver)
+    simulation = Simulation(garments, colliders, preset=asked.preset, solver=asked.solver)
     meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in garments}
     skin = (body.skin.vertices, body.skin.triangles)
     meter = ClothMeter(*skin, meshes, OwnSides.of(garments, body))
@@ -341,6 +346,8 @@ def main() -> None:
     parser.add_argument("--outfit", nargs="*", default=OUTFITS)
     parser.add_argument("--variant", nargs="*", default=["plain"], choices=VARIANTS)
     parser.add_argument("--solver", default="xpbd")
+    of_levels = [name for name in PRESETS if name != "auto"]
+    parser.add_argument("--preset", default="balanced", choices=of_levels)
     parser.add_argument("--seconds", type=float, default=0.0, help="0: the whole clip")
     parser.add_argument("--out", type=Path, default=Path("out/worn"))
     parser.add_argument("--jobs", type=int, default=1)
@@ -355,10 +362,8 @@ def main() -> None:
     if pictures is not None:
         pictures = pictures or str(options.out / "pictures")
     asked = [
-        Asked(body, outfit, clip, variant, options.solver, options.seconds, pictures or "")
-        for variant, body, outfit, clip in itertools.product(
-            options.variant, options.body, options.outfit, clips
-        )
+        Asked(*of, options.solver, options.preset, options.seconds, pictures or "")
+        for of in itertools.product(options.body, options.outfit, clips, options.variant)
     ]
     left = [a for a in asked if a.key() not in done]
     # Fresh processes: kernels and threads do not survive a fork.

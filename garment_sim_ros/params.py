@@ -262,6 +262,13 @@ class ClothNodeParameters:
         minimum=1e-4,
         maximum=0.5,
     )
+    detail: float = parameter(
+        1.0,
+        "Share of each garment's vertices that are simulated. The others follow them on a smooth "
+        "surface. Fewer take less time and have fewer folds.",
+        minimum=0.05,
+        maximum=1.0,
+    )
     normals: bool = parameter(False, "Add vertex normals to the points.")
     catch_up: float = parameter(
         0.1,

@@ -64,6 +64,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             settings=validated(group, choice.values("cloth_node", group)),
             solver=choice.solver,
             solver_step=longest_step(choice.solver, node.solver_step),
+            detail=node.detail,
         )
     )
     own = own_levels()

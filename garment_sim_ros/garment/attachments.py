@@ -10,9 +10,9 @@ from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.colliders.regions import bone_weights
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.garment.connectivity import adjacency
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
+from garment_sim_ros.geometry.connectivity import adjacency
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import boundary_loops, vertex_normals
 from garment_sim_ros.geometry.triangles import barycentric

@@ -17,11 +17,11 @@ from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.attachments import bind
-from garment_sim_ros.garment.connectivity import adjacency
 from garment_sim_ros.garment.dressing import covered_skin, reaches_shoulders
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
 from garment_sim_ros.garment.slices import NORMALS, Profile, sections
+from garment_sim_ros.geometry.connectivity import adjacency
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 
 _MOST = 0.01

@@ -12,20 +12,17 @@ from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.markings import marked
 from garment_sim_ros.garment.mesh_data import GarmentMesh
-from garment_sim_ros.garment.remesh import Lines, area_by_size, remeshed
 from garment_sim_ros.garment.sizing import Sizes, edge_sizes
+from garment_sim_ros.geometry.lines import lines_of
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.remesh import area_by_size, remeshed
 from garment_sim_ros.geometry.topology import edge_table
 from garment_sim_ros.geometry.triangles import barycentric
 
 _UNEVEN = 0.25
 """An edge shorter than this share of the median makes a mesh uneven."""
-_SHARP = 0.7
-"""Where a line turns by an angle of a smaller cosine it has a corner."""
 _FEWEST, _MOST = 12, 250_000
 """Vertices that a mesh may be given."""
-_AT_ONCE = 256
-"""Points whose distances to all segments are held at once."""
 
 
 def is_uneven(mesh: GarmentMesh) -> bool:
@@ -44,7 +41,7 @@ def evened(mesh: GarmentMesh, sizes: Sizes) -> GarmentMesh:
         mesh: The surface.
         sizes: Lengths that edges shall have.
     """
-    lines = _lines(mesh)
+    lines = lines_of(mesh.vertices, mesh.triangles, mesh.seams)
     size = edge_sizes(mesh.vertices, mesh.triangles, lines.edges, sizes)
     count = round(area_by_size(mesh.vertices, mesh.triangles, size) / np.sqrt(0.75))
     if not _FEWEST <= count <= _MOST:
@@ -82,37 +79,6 @@ def evened(mesh: GarmentMesh, sizes: Sizes) -> GarmentMesh:
         f"became {count}; points have an order of their own"
     )
     return replace(made, notes=(*mesh.notes, note))
-
-
-def _lines(mesh: GarmentMesh) -> Lines:
-    """Open edges and seams, and where they turn or meet."""
-    edges, _, sides = edge_table(mesh.triangles)
-    lines = np.unique(np.concatenate([edges[sides == 1], mesh.seams]), axis=0)
-    ends = np.concatenate([lines, lines[:, ::-1]])
-    ends = ends[np.argsort(ends[:, 0], kind="stable")]
-    here, first, size = np.unique(ends[:, 0], return_index=True, return_counts=True)
-    corner = np.zeros(len(mesh.vertices), dtype=bool)
-    corner[here[size != 2]] = True
-    two, at = here[size == 2], first[size == 2]
-    x = mesh.vertices
-    way = [x[ends[at + k, 1]] - x[two] for k in (0, 1)]
-    unit = [w / np.maximum(np.linalg.norm(w, axis=1, keepdims=True), 1e-300) for w in way]
-    corner[two[-np.einsum("ni,ni->n", *unit) < _SHARP]] = True
-    start, along = x[lines[:, 0]], x[lines[:, 1]] - x[lines[:, 0]]
-    return Lines(lines.astype(np.int32), corner, lambda p: _on_segments(p, start, along))
-
-
-def _on_segments(points: FloatArray, start: FloatArray, along: FloatArray) -> FloatArray:
-    """The nearest points of segments to points [n, 3], which start and run so, shape [s, 3]."""
-    squared = np.maximum(np.einsum("si,si->s", along, along), 1e-300)
-    nearest = np.empty_like(points)
-    for k in range(0, len(points), _AT_ONCE):
-        p = points[k : k + _AT_ONCE, None]
-        share = np.clip(np.einsum("nsi,si->ns", p - start, along) / squared, 0.0, 1.0)
-        there = start + share[..., None] * along
-        chosen = np.argmin(((p - there) ** 2).sum(axis=2), axis=1)
-        nearest[k : k + _AT_ONCE] = there[np.arange(len(chosen)), chosen]
-    return nearest
 
 
 def _lengths(mesh: GarmentMesh) -> FloatArray:

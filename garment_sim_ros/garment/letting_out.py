@@ -15,9 +15,9 @@ from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.contact.sides import Sides
-from garment_sim_ros.garment.connectivity import adjacency
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
+from garment_sim_ros.geometry.connectivity import adjacency
 
 _ROUNDS = 12
 _SHORTEST = 0.4

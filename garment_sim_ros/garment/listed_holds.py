@@ -10,11 +10,11 @@ from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.attachments import Binding
-from garment_sim_ros.garment.connectivity import adjacency
 from garment_sim_ros.garment.holds import Attachment, Elastic, Holds
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh_data import GarmentMesh
 from garment_sim_ros.garment.places import loops_from_above, vertices_at
+from garment_sim_ros.geometry.connectivity import adjacency
 from garment_sim_ros.geometry.topology import edge_table
 from garment_sim_ros.sim.elastic import ElasticEdges
 

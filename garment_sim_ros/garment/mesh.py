@@ -13,7 +13,7 @@ from garment_sim_ros.garment.mesh_data import GarmentMesh as GarmentMesh
 from garment_sim_ros.garment.mesh_repair import repaired, triangulate
 from garment_sim_ros.garment.polygon_files import read_polygons
 from garment_sim_ros.garment.sewn_file import read_sewn
-from garment_sim_ros.garment.subdivide import subdivided
+from garment_sim_ros.geometry.subdivide import subdivided
 from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP
 from garment_sim_ros.input_file import said_of
 

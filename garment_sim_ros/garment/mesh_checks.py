@@ -6,11 +6,11 @@ from scipy.spatial import Delaunay, cKDTree
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.garment.attachments import highest_edge
-from garment_sim_ros.garment.connectivity import components
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import UNITS, UP_AXES
 from garment_sim_ros.garment.mesh_data import GarmentMesh
 from garment_sim_ros.garment.patterns.tape_sections import loops_at
+from garment_sim_ros.geometry.connectivity import components
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import edge_table
 from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.garment.connectivity import components
+from garment_sim_ros.geometry.connectivity import components
 from garment_sim_ros.geometry.topology import edge_table
 
 

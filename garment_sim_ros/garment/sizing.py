@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import ParameterError
-from garment_sim_ros.garment.connectivity import links
+from garment_sim_ros.geometry.connectivity import links
 from garment_sim_ros.geometry.topology import edge_table
 from garment_sim_ros.geometry.triangles import vertex_areas
 

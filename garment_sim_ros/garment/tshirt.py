@@ -14,13 +14,13 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.garment.connectivity import components
 from garment_sim_ros.garment.isosurface import clipped, surface_net
 from garment_sim_ros.garment.measures import Arm, Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
-from garment_sim_ros.garment.remesh import remeshed
 from garment_sim_ros.garment.slices import NORMALS, Profile
+from garment_sim_ros.geometry.connectivity import components
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
+from garment_sim_ros.geometry.remesh import remeshed
 from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology, non_manifold_edges
 
 _MOST_NODES = 5_000_000

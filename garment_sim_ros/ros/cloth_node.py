@@ -109,6 +109,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             attachments=p.attachments,
             solver=p.solver,
             solver_step=p.solver_step,
+            detail=p.detail,
             compiler=compiler,
             parameters=self._forces,
             after=self._still_dressing,

@@ -50,6 +50,7 @@ def dress(
     attachments: str,
     solver: str,
     solver_step: float,
+    detail: float,
     parameters: Parameters,
 ) -> tuple[Outfit, Simulation]:
     """An outfit on the colliders that a body was described by.
@@ -61,6 +62,7 @@ def dress(
         attachments: What holds the garments, as `load_outfit` takes it.
         solver: Name of the solver.
         solver_step: The step of the cloth's clock [s].
+        detail: Share of each garment's vertices that are simulated.
         parameters: Outer forces and numerical parameters.
 
     Raises:
@@ -68,7 +70,9 @@ def dress(
     """
     made = load_outfit(outfit, body, colliders=colliders, attachments=attachments)
     step = longest_step(solver, solver_step)
-    simulation = Simulation(made.garments, colliders, solver=solver, solver_step=step)
+    simulation = Simulation(
+        made.garments, colliders, solver=solver, solver_step=step, detail=detail
+    )
     simulation.parameters = parameters
     return made, simulation
 
@@ -83,6 +87,7 @@ class Dresser:
         attachments: What holds the garments, as `load_outfit` takes it.
         solver: Name of the solver.
         solver_step: The step of the cloth's clock [s].
+        detail: Share of each garment's vertices that are simulated.
         compiler: Compiles what the garments will run.
         parameters: Gives outer forces and numerical parameters, which must suit the colliders.
         after: A thread of an earlier dresser's to wait for, see `Background.retire`.
@@ -97,6 +102,7 @@ class Dresser:
         attachments: str,
         solver: str,
         solver_step: float,
+        detail: float,
         compiler: Compiler,
         parameters: Callable[[], Parameters],
         after: threading.Thread | None = None,
@@ -107,6 +113,7 @@ class Dresser:
         self._attachments = attachments
         self._solver = solver
         self._solver_step = solver_step
+        self._detail = detail
         self._compiler = compiler
         self._parameters = parameters
         self._work = Background(self._make, DESCRIPTION, after)
@@ -162,6 +169,7 @@ class Dresser:
             attachments=self._attachments,
             solver=self._solver,
             solver_step=self._solver_step,
+            detail=self._detail,
             parameters=parameters,
         )
         # What the outfit did not tell of is compiled here and not in a frame.

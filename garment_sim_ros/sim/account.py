@@ -111,8 +111,9 @@ def _garment(simulation: Simulation, name: str) -> dict[str, Any]:
     model, sides = simulation.model(name), simulation.sides(name).side
     passing = (sides == PASSING).all(axis=1)
     return {
-        "vertices": len(model),
-        "triangles": len(model.triangles),
+        "vertices": len(simulation[name].garment.vertices),
+        "simulated": len(model),
+        "triangles": len(simulation[name].triangles),
         "pinned": len(model) - model.free_count,
         "springs": len(model.springs),
         "layer": simulation.layer(name),
@@ -131,9 +132,11 @@ def in_words(told: dict[str, Any]) -> list[str]:
         "left out, at no cost: " + "; ".join(told["leaves_out"]),
     ]
     for name, g in told["garments"].items():
+        fewer = g["simulated"] < g["vertices"]
+        of_them = f" {g['simulated']} of them simulated," if fewer else ""
         lines.append(
-            f"{name}: {g['vertices']} vertices, {g['pinned']} pinned, {g['springs']} springs, "
-            f"layer {g['layer']}; {g['shapes_under']} shapes under it, "
+            f"{name}: {g['vertices']} vertices,{of_them} {g['pinned']} pinned, "
+            f"{g['springs']} springs, layer {g['layer']}; {g['shapes_under']} shapes under it, "
             f"{g['shapes_against_a_part']} against a part of it, {g['shapes_passing']} pass it by"
         )
         lines.extend(f"{name}: limited: {limit}" for limit in g["limits"])

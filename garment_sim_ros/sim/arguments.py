@@ -14,6 +14,7 @@ from garment_sim_ros.sim.placement import GarmentLike
 from garment_sim_ros.sim.solvers import SOLVERS
 
 _BUDGET = "frame_budget_ms"
+_DETAIL = "detail"
 
 
 class OutfitLike(Protocol):
@@ -36,12 +37,14 @@ class Numerics(NamedTuple):
     Attributes:
         solver: Name in `SOLVERS`.
         step: Longest step of the solver [s].
+        detail: Share of each garment's vertices that are simulated.
         parameters: Outer forces and the solver's settings.
         budget: Longest time that preset auto lets a frame take [ms]; 0: it moves nothing.
     """
 
     solver: str
     step: float
+    detail: float
     parameters: Parameters
     budget: float
 
@@ -50,6 +53,7 @@ def numerics_of(
     preset: str | None,
     solver: str | None,
     step: float | None,
+    detail: float | None,
     environment: Environment | None,
     settings: Any,
     given: Mapping[str, Any],
@@ -60,6 +64,7 @@ def numerics_of(
         preset: Name of a preset; None for the defaults.
         solver: Name in `SOLVERS`; that of the preset where None.
         step: Longest step of the solver [s]; where None that of the preset, else its usual one.
+        detail: Share of vertices that are simulated; where None that of the preset, else all.
         environment: Outer forces; those of the preset where None.
         settings: Numerical parameters of the solver; those of the preset where None.
         given: Values of either by name.
@@ -77,6 +82,9 @@ def numerics_of(
         step = usual.get("solver_step", SOLVERS[solver].usual_step)
     if not (math.isfinite(step) and step > 0.0):
         raise ParameterError("solver_step", f"found {step!r}", "allowed: above 0 s")
+    if detail is None:
+        detail = usual.get(_DETAIL, 1.0)
+    detail = checked(declarations(ClothNodeParameters)[_DETAIL], detail)
     forces = environment or _of_preset(Environment, usual)
     numbers = settings or _of_preset(SOLVERS[solver].settings, usual)
     known = {**declarations(Environment), **declarations(type(numbers))}
@@ -94,7 +102,7 @@ def numerics_of(
     if budget:
         check_solver(parameters.settings)
         check_unmoved(vars(parameters.settings), usual)
-    return Numerics(solver, step, parameters, budget)
+    return Numerics(solver, step, detail, parameters, budget)
 
 
 def _budget(preset: str | None, value: Any) -> float:

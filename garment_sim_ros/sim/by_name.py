@@ -46,7 +46,7 @@ class ByName:
         return tuple(self._worn)
 
     def model(self, name: str) -> ClothModel:
-        """Particles and springs of a garment."""
+        """Particles and springs of a garment, of as many vertices as are simulated."""
         return self._worn[name].model
 
     def state(self, name: str) -> State:
@@ -104,7 +104,7 @@ class ByName:
         """
         worn = self._worn[name]
         out = worn.x_world if out is None else out
-        return worn.seen(self._colliders.origin, out)
+        return worn.shown(self._colliders.origin, out)
 
     def normals(self, name: str, out: SingleArray | None = None) -> SingleArray:
         """Unit normals of a garment's vertices in file order, shape [v, 3].
@@ -113,5 +113,5 @@ class ByName:
         """
         worn = self._worn[name]
         out = worn.normal if out is None else out
-        vertex_normals(self.positions(name), worn.model.triangles, out)
+        vertex_normals(self.positions(name), worn.triangles, out)
         return out

@@ -37,35 +37,33 @@ class GarmentView:
     @property
     def garment(self) -> GarmentLike:
         """Mesh, fabric, frames and pins, as given."""
-        return self.worn.garment
+        return self.worn.given
 
     @property
     def triangles(self) -> IntArray:
         """Vertex indices, shape [t, 3]."""
-        return self.worn.model.triangles
+        return self.worn.triangles
 
     @property
     def positions(self) -> SingleArray:
         """World positions of the vertices [m], shape [v, 3]."""
-        return self.worn.seen(self._origin)
+        return self.worn.shown(self._origin)
 
     @property
     def velocities(self) -> SingleArray:
         """World velocities of the vertices [m/s], shape [v, 3]."""
-        v = np.empty((len(self.worn.model), 3), np.float32)
-        v[self.worn.model.vertex] = self.worn.state.v
-        return v
+        return self.worn.velocities()
 
     @property
     def normals(self) -> SingleArray:
         """Unit normals of the vertices, shape [v, 3]."""
-        normal = np.empty((len(self.worn.model), 3), np.float32)
-        vertex_normals(self.positions, self.worn.model.triangles, normal)
+        normal = np.empty((len(self.worn.x_world), 3), np.float32)
+        vertex_normals(self.positions, self.worn.triangles, normal)
         return normal
 
     @property
     def model(self) -> ClothModel:
-        """Its particles and springs, in the solver's order."""
+        """Its particles and springs, in the solver's order; fewer than vertices with `detail`."""
         return self.worn.model
 
     @property

@@ -52,6 +52,8 @@ class Simulation(ByName):
         settings: Numerical parameters of the solver.
         solver: Name in `SOLVERS`; where None that of the preset, else xpbd.
         solver_step: Longest step taken at once [s]; None: the preset's, else the solver's usual.
+        detail: Share of each garment's vertices that are simulated, the others follow them; None:
+            the preset's, else all.
         parameters: Single values of `Environment` and of the solver's settings by name; they
             win over the groups. With preset auto `frame_budget_ms`, too, which `step` keeps to.
 
@@ -70,10 +72,11 @@ class Simulation(ByName):
         settings: RelaxationSettings | XpbdSettings | ImplicitSettings | None = None,
         solver: str | None = None,
         solver_step: float | None = None,
+        detail: float | None = None,
         **parameters: Any,
     ) -> None:
-        solver, solver_step, asked, budget = numerics_of(
-            preset, solver, solver_step, environment, settings, parameters
+        solver, solver_step, detail, asked, budget = numerics_of(
+            preset, solver, solver_step, detail, environment, settings, parameters
         )
         garments = garments_of(garments)
         names = [g.name for g in garments]
@@ -89,7 +92,7 @@ class Simulation(ByName):
             raise ParameterError("solver", f"found {solver!r}", "allowed with a mesh: relaxation")
         # Inner ones first: what lies on them then meets them where they are.
         self._worn = {
-            g.name: Worn.on(g, colliders, self._colliders, self._solver)
+            g.name: Worn.on(g, colliders, self._colliders, self._solver, detail)
             for g in sorted(garments, key=lambda g: g.layer)
         }
         self._under = pairs_of(self._worn)

@@ -5,11 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from garment_sim_ros.arrays import FloatArray, SingleArray
+from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.guard.guard import Guard
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.contact.sides import Sides
+from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.sim.colliders import ColliderState
+from garment_sim_ros.sim.detail.coarser import coarser
+from garment_sim_ros.sim.detail.surface import Surface
 from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.holds.attaching import attached_to
 from garment_sim_ros.sim.holds.constraint import Constraint
@@ -35,13 +38,18 @@ from garment_sim_ros.sim.sides import shape_sides
 from garment_sim_ros.sim.solvers import Solver
 from garment_sim_ros.sim.state import State, Workspace
 
+_NOWHERE = np.zeros(3)
+
 
 @dataclass(kw_only=True)
 class Worn(Piece):
     """One garment with all that belongs to it.
 
     Attributes:
-        garment: Mesh, material, frames and pins.
+        given: Mesh, material, frames and pins.
+        garment: What of it is simulated: the same, or one of fewer vertices.
+        surface: All its vertices over those that are simulated; None where they are the same.
+        triangles: All its triangles, shape [t, 3].
         frames: The frames that it follows.
         good: Its motion when the last step began, of which every particle is good.
         recovery: Mends what is not.
@@ -52,9 +60,13 @@ class Worn(Piece):
         on_its_way: What it is shown off its place where it was wound back.
         x_world: World positions of its vertices in file order [m], shape [v, 3].
         normal: Their unit normals, shape [v, 3].
+        x_simulated: Scratch: those that are simulated, shape [n, 3].
     """
 
+    given: GarmentLike
     garment: GarmentLike
+    surface: Surface | None
+    triangles: IntArray
     frames: Frames
     good: State
     recovery: Recovery
@@ -64,22 +76,30 @@ class Worn(Piece):
     on_its_way: OnItsWay
     x_world: SingleArray
     normal: SingleArray
+    x_simulated: SingleArray
 
     @classmethod
     def on(
-        cls, garment: GarmentLike, collider_set: ColliderSet, colliders: ColliderState, by: Solver
+        cls,
+        given: GarmentLike,
+        collider_set: ColliderSet,
+        colliders: ColliderState,
+        by: Solver,
+        detail: float = 1.0,
     ) -> "Worn":
         """A garment where its file has it.
 
         Args:
-            garment: The garment.
+            given: The garment.
             collider_set: The body's colliders.
             colliders: The same, to be posed.
             by: The solver that will advance it.
+            detail: Share of its vertices that are simulated.
 
         Raises:
             GeometryError: It cannot be simulated, or a frame is missing.
         """
+        garment, surface, limits = _simulated(given, detail)
         frames = find_frames(garment.name, garment.frames, collider_set)
         model = build_model(
             garment.name,
@@ -94,6 +114,7 @@ class Worn(Piece):
         )
         state = State.at(model, garment.vertices, colliders.origin)
         workspace = by.workspace(model, len(colliders.shapes.kind))
+        workspace.limits += limits
         row, side = shape_sides(garment, collider_set, colliders.shapes)
         workspace.attached = attached_to(garment, frames, model)
         workspace.sides = Sides.of(row[model.vertex[: model.free_count]], side)
@@ -113,7 +134,10 @@ class Worn(Piece):
             places = SkinPlaces(garment, frames, model)
             workspace.limited = True
         return cls(
+            given=given,
             garment=garment,
+            surface=surface,
+            triangles=model.triangles if surface is None else surface.triangles,
             frames=frames,
             model=model,
             state=state,
@@ -125,8 +149,9 @@ class Worn(Piece):
             letting_go=LettingGo(model, workspace.sides) if garment.passed_by else None,
             on_its_way=OnItsWay(garment),
             constraints=_constraints(garment, places, model, workspace),
-            x_world=np.zeros((len(model), 3), np.float32),
-            normal=np.zeros((len(model), 3), np.float32),
+            x_world=np.zeros((len(given.vertices), 3), np.float32),
+            normal=np.zeros((len(given.vertices), 3), np.float32),
+            x_simulated=np.zeros((len(model), 3), np.float32),
         )
 
     def begin(self, colliders: ColliderState, dt: float) -> None:
@@ -206,17 +231,35 @@ class Worn(Piece):
         self._forget()
         self.measure()
 
-    def seen(self, origin: FloatArray, out: SingleArray | None = None) -> SingleArray:
-        """World positions of its vertices as they are shown, in file order [m], shape [v, 3].
+    def shown(self, origin: FloatArray, out: SingleArray | None = None) -> SingleArray:
+        """World positions of all its vertices as they are shown, in file order [m], shape [v, 3].
 
         Args:
             origin: What the state is relative to [m], shape [3].
             out: Receives them; else a new array.
         """
+        if self.surface is None:
+            return self.seen(origin, out)
+        out = np.empty((len(self.surface), 3), np.float32) if out is None else out
+        self.surface.follow(self.seen(_NOWHERE, self.x_simulated), origin, out)
+        return out
+
+    def seen(self, origin: FloatArray, out: SingleArray | None = None) -> SingleArray:
+        """The same of those that are simulated, shape [n, 3]."""
         out = np.empty((len(self.model), 3), np.float32) if out is None else out
         to_file_order(self.state.x, self.model.vertex, origin, out)
         self.on_its_way.add_to(out)
         return out
+
+    def of_simulated(self, values: FloatArray) -> FloatArray:
+        """What all vertices have, shape [v, k], at those that are simulated, shape [n, k]."""
+        return values if self.surface is None else self.surface.under.of(values)
+
+    def velocities(self) -> SingleArray:
+        """World velocities of all its vertices, in file order [m/s], shape [v, 3]."""
+        v = np.empty((len(self.model), 3), np.float32)
+        v[self.model.vertex] = self.state.v
+        return v if self.surface is None else self.surface.between(v)
 
     def go_on(self, colliders: ColliderState, time: float) -> None:
         """Some time has passed [s]: it comes nearer to where it was put."""
@@ -266,6 +309,17 @@ class Worn(Piece):
         health.rms_speed = math.sqrt(total / max(self.model.free_count, 1))
         health.max_speed = math.sqrt(fastest)
         health.let_go = 0 if self.letting_go is None else self.letting_go.count
+
+
+def _simulated(
+    given: GarmentLike, detail: float
+) -> tuple[GarmentLike, Surface | None, tuple[str, ...]]:
+    """What of a garment is simulated, all its vertices over it, and why it is not as asked."""
+    try:
+        fewer = None if detail >= 1.0 else coarser(given, detail)
+    except GeometryError as error:
+        return given, None, (f"detail: all vertices are simulated: {error}",)
+    return (given, None, ()) if fewer is None else (*fewer, ())
 
 
 def _constraints(

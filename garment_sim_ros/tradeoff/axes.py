@@ -15,12 +15,14 @@ from garment_sim_ros.declaration import (
     validated,
 )
 from garment_sim_ros.errors import ParameterError
-from garment_sim_ros.params import PRESETS, ColliderOptions
+from garment_sim_ros.params import PRESETS, ClothNodeParameters, ColliderOptions
 from garment_sim_ros.sim.solvers import SOLVERS
 
 _SOLVER, _COLLIDERS = "cloth_node", "collider_node"
 _OWN = ("method", "sub_step", "iterations", "sweeps", "membrane")
 """Axes with an option of their own."""
+_DETAIL = declarations(ClothNodeParameters)["detail"]
+"""Belongs to no solver."""
 Options = tuple[tuple[str, Any], ...]
 
 
@@ -29,7 +31,8 @@ class Axis:
     """One parameter and its values.
 
     Attributes:
-        node: `cloth_node`, of which the solver's parameters can be axes, or `collider_node`.
+        node: `cloth_node`, of which the solver's parameters and `detail` can be axes, or
+            `collider_node`.
         name: The parameter.
         texts: Its values as they were given.
     """
@@ -70,7 +73,14 @@ def solver_options(axes: Sequence[Axis], solver: str) -> list[Options]:
         axes: Those of parameters that the solver lacks are passed over.
         solver: Name of the solver.
     """
-    return _products([a for a in axes if a.node == _SOLVER], SOLVERS[solver].settings, {})
+    own = [a for a in axes if a.node == _SOLVER]
+    texts = [text for a in own if a.name == _DETAIL.name for text in a.texts]
+    shares = dict.fromkeys(_value(_DETAIL, text) for text in texts or [str(_DETAIL.default)])
+    return [
+        (*options, *([(_DETAIL.name, share)] if share != _DETAIL.default else []))
+        for options in _products(own, SOLVERS[solver].settings, {})
+        for share in shares
+    ]
 
 
 def collider_kinds(axes: Sequence[Axis], methods: Sequence[str]) -> list[str]:
@@ -114,7 +124,8 @@ def _known(node: str) -> list[Declaration]:
         _COLLIDERS: [ColliderOptions],
     }
     every = [d for group in groups.get(node, []) for d in declarations(group).values()]
-    return [d for d in every if d.name not in _OWN]
+    shared = [_DETAIL] if node == _SOLVER else []
+    return shared + [d for d in every if d.name not in _OWN]
 
 
 def _products(axes: Sequence[Axis], group: type, fixed: Mapping[str, Any]) -> list[Options]:

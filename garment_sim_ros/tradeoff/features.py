@@ -12,7 +12,7 @@ from garment_sim_ros.contact.guard.guard import Guard
 from garment_sim_ros.declaration import declarations
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.presets import usual_colliders
-from garment_sim_ros.sim.arguments import numerics_of
+from garment_sim_ros.sim.arguments import Numerics, numerics_of
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.self_collision.garment import own_distance
 from garment_sim_ros.solver_params import SPRINGS, TRIANGLES
@@ -22,6 +22,7 @@ from garment_sim_ros.tradeoff.scenes import PLAIN, SCENES, Staged, scene_named, 
 
 _CALM = {"wind": (0.0, 0.0, 0.0), "wind_drag": 0.0, "wind_lift": 0.0, "gust": 0.0}
 _BREEZE = {"wind": (2.0, 0.0, 0.0), "wind_drag": 1.2, "wind_lift": 0.4}
+_QUARTER = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,10 +56,16 @@ class Case:
         return cls(name=scene, seconds=seconds, staged=staged, point=point)
 
     @property
+    def numerics(self) -> Numerics:
+        """How it is run."""
+        values = {**self.staged.scene.environment, **dict(self.point.options)}
+        detail = values.pop("detail", None)
+        return numerics_of(self.point.preset, None, None, detail, None, None, values)
+
+    @property
     def parameters(self) -> Parameters:
         """Outer forces and the solver's settings that it runs with."""
-        values = {**self.staged.scene.environment, **dict(self.point.options)}
-        return numerics_of(self.point.preset, None, None, None, None, values).parameters
+        return self.numerics.parameters
 
     def player(self) -> Player:
         """It, ready to be simulated.
@@ -73,7 +80,7 @@ class Case:
         return player
 
     def with_option(self, name: str, value: Any) -> "Case":
-        """The same with another value of a parameter of the solver."""
+        """The same with another value of a parameter of the solver, or of `detail`."""
         return replace(self, point=replace(self.point, options=((name, value),)))
 
     def in_environment(self, values: Mapping[str, Any]) -> "Case":
@@ -190,6 +197,11 @@ def _guard(case: Case) -> Switched | None:
     return (replace(case, guarded=False), False) if case.staged.avatar else None
 
 
+def _detail(case: Case) -> Switched | None:
+    whole = case.numerics.detail == 1.0
+    return case.with_option("detail", _QUARTER if whole else 1.0), whole
+
+
 def _colliders(method: str) -> Callable[[Case], Switched | None]:
     """Another kind of colliders than the preset's."""
 
@@ -234,6 +246,11 @@ FEATURES: Mapping[str, Feature] = MappingProxyType(
             text="stretch is corrected on a coarse level, too",
             figures=("strain_p95",),
             switch=_parameter("coarse", False, True),
+        ),
+        "detail": Feature(
+            text="a quarter of the vertices is simulated, the others follow",
+            figures=("strain_p95", "inside", "crossed"),
+            switch=_detail,
         ),
         "triangles": Feature(
             text="membrane of triangles instead of springs",

@@ -105,11 +105,11 @@ class Player:
         simulation.time = at.frame * self.staged.scene.frame
         for view in simulation:
             worn, state = view.worn, view.state
-            x = at.x[view.name].astype(np.float64)
+            x, v = (worn.of_simulated(of[view.name].astype(np.float64)) for of in (at.x, at.v))
             worn.place(x, simulation.collider_state)
             # Pins, too, are where they were.
             state.assign(State.at(view.model, x, simulation.origin))
-            state.v[:] = at.v[view.name][view.model.vertex]
+            state.v[:] = v[view.model.vertex]
             worn.good.assign(state)
             for pair in simulation.over(view.name):
                 pair.forget()

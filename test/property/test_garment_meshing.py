@@ -6,15 +6,15 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from garment_sim_ros.garment.attachments import smoothed
-from garment_sim_ros.garment.connectivity import adjacency, components
 from garment_sim_ros.garment.evening import evened
 from garment_sim_ros.garment.isosurface import clipped, surface_net
 from garment_sim_ros.garment.mesh import load_garment_mesh
 from garment_sim_ros.garment.mesh_repair import repaired
-from garment_sim_ros.garment.remesh import remeshed
 from garment_sim_ros.garment.sizing import Sizes
 from garment_sim_ros.garment.slices import NORMALS, Profile, outline, sections
-from garment_sim_ros.garment.subdivide import subdivided
+from garment_sim_ros.geometry.connectivity import adjacency, components
+from garment_sim_ros.geometry.remesh import remeshed
+from garment_sim_ros.geometry.subdivide import subdivided
 from garment_sim_ros.geometry.topology import boundary_loops, edge_table, non_manifold_edges
 
 CHECKED = settings(derandomize=True, deadline=None, max_examples=25)

@@ -31,6 +31,24 @@ class TestAxes:
         assert simulation.parameters.settings.search_every == 3
         assert simulation.parameters.settings.sub_step == pytest.approx(1 / 240)
 
+    def test_detail_is_an_axis_of_every_solver(self):
+        axes = [axis("cloth_node.detail=1,0.5"), axis("cloth_node.search_every=3")]
+        found = list(grid(["hulls"], ["xpbd", "implicit"], [4], [1], axes=axes))
+        assert [p.name for p in found] == [
+            *("xpbd 4x1 search_every=3", "xpbd 4x1 search_every=3 detail=0.5"),
+            *("implicit 4x1", "implicit 4x1 detail=0.5"),
+        ]
+        given = small(pins="top corners", edge=0.03)
+        player = Player(given, found[1].arguments(1 / 60))
+        (view,) = player.simulation
+        assert len(view.model) == len(view.garment.vertices) // 2 > 60
+        # It begins where a snapshot with all vertices is.
+        player.put_on(settle=False)
+        at = player.snapshot(0)
+        player.play(0, 5)
+        player.begin(at)
+        assert abs(view.positions - at.x[view.name]).max() < 1e-6
+
     def test_what_does_nothing_is_no_setting_of_its_own(self):
         axes = [axis("cloth_node.contact=union,earliest"), axis("cloth_node.restitution=0,0.5")]
         found = [p.options for p in grid(["a"], ["relaxation"], [1], [1], axes=axes)]

@@ -56,6 +56,8 @@ def differences(a, b):
     for name in declarations(type(a.parameters.settings)):
         if getattr(a.parameters.settings, name) != getattr(b.parameters.settings, name):
             found.add(name)
+    if a.numerics.detail != b.numerics.detail:
+        found.add("detail")
     return found | ({"kind"} if a.point.kind != b.point.kind else set())
 
 
@@ -67,6 +69,7 @@ class TestFeatures:
             ("layers", False, {"garment layer"}),
             ("strain_limit", False, {"strain_limit"}),
             ("coarse", True, {"coarse"}),
+            ("detail", True, {"detail"}),
             ("triangles", True, {"membrane"}),
             ("max_distance", False, {"garment skin_limits"}),
             ("backstop", True, {"garment skin_limits"}),
@@ -84,7 +87,14 @@ class TestFeatures:
         assert (is_on, differences(walk, case)) == (now, changed)
 
     def test_what_was_switched_on_is_switched_off_again(self, walk):
-        for name in ("self_collision", "strain_limit", "wind", "root_motion", "triangles"):
+        for name in (
+            "self_collision",
+            "strain_limit",
+            "detail",
+            "wind",
+            "root_motion",
+            "triangles",
+        ):
             case, was_on = FEATURES[name].switch(walk)
             back, is_on = FEATURES[name].switch(case)
             assert is_on is not was_on

@@ -175,6 +175,7 @@ class Cloth:
                 attachments=p.attachments,
                 solver=p.solver,
                 solver_step=p.solver_step,
+                detail=p.detail,
                 parameters=self._forces,
             )
         except GarmentSimError as error:

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.garment.connectivity import links
-from garment_sim_ros.garment.subdivide import split_edges
+from garment_sim_ros.geometry.connectivity import links
+from garment_sim_ros.geometry.lines import Lines, Project
+from garment_sim_ros.geometry.subdivide import split_edges
 from garment_sim_ros.geometry.topology import edge_table, vertex_normals
 from garment_sim_ros.geometry.triangles import triangle_areas
 
@@ -30,24 +31,8 @@ _ATTEMPTS = 12
 _SHORTEST = 0.5
 """No edge shall be shorter than this share of the median."""
 
-Project = Callable[[FloatArray], FloatArray]
-"""Moves points [n, 3] onto a surface or a line."""
 Sizing = Callable[[FloatArray], FloatArray]
 """Length of edges that is wanted at points [n, 3] of a surface, in any unit, shape [n]."""
-
-
-class Lines(NamedTuple):
-    """Edges of a surface that its remeshed one keeps.
-
-    Attributes:
-        edges: Ends of the edges, boundaries among them, shape [f, 2].
-        corner: Vertices that stay where they are, shape [v].
-        project: Moves points of lines onto them.
-    """
-
-    edges: IntArray
-    corner: NDArray[np.bool_]
-    project: Project
 
 
 class _Mesh(NamedTuple):

@@ -1,0 +1,1 @@
+"""Simulating a garment with fewer vertices than it has."""
