@@ -1,7 +1,7 @@
 """Where the time of a frame goes: the default outfit on the walking mannequin, phase by phase.
 
     python bench/phases.py [--seconds 6] [--outfit tshirt_short_skirt] [--paced] [--json]
-        [--membrane springs triangles]
+        [--membrane springs triangles] [--preset fast]
 
 Processor time of the thread, medians over the frames [ms]. ``--paced`` waits for the next sixtieth
 of a second before each frame, as a node does; without it frames follow each other. What a phase
@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 import garment_sim_ros as gs
+from garment_sim_ros.params import PRESETS
 from garment_sim_ros.sim import loop
 from garment_sim_ros.sim import simulation as steps
 from garment_sim_ros.sim.colliders import ColliderState
@@ -90,14 +91,16 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=6.0)
     parser.add_argument("--outfit", default="tshirt_short_skirt")
     parser.add_argument("--membrane", nargs="+", default=MEMBRANES[:1], choices=MEMBRANES)
+    parser.add_argument("--preset", default="balanced", choices=PRESETS)
     parser.add_argument("--paced", action="store_true", help="frames at 60 Hz")
     parser.add_argument("--json", action="store_true", help="print one JSON object only")
     options = parser.parse_args()
     measure()
-    avatar = gs.Avatar.load("mannequin")
+    avatar = gs.Avatar.load("mannequin", preset=options.preset)
     outfit = avatar.dress(options.outfit)
     simulations = {
-        m: gs.Simulation(outfit, avatar.colliders, membrane=m) for m in options.membrane
+        m: gs.Simulation(outfit, avatar.colliders, preset=options.preset, membrane=m)
+        for m in options.membrane
     }
     poses = iter(avatar.play("walk", rate=RATE, seconds=options.seconds))
     for _ in range(SKIPPED):

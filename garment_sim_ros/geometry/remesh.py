@@ -76,6 +76,18 @@ def remeshed(
     lines: Lines | None = None,
     sizing: Sizing | None = None,
 ) -> tuple[FloatArray, IntArray]:
+    """As `remeshed_along`, without the lines."""
+    return remeshed_along(vertices, triangles, count, project, lines, sizing)[:2]
+
+
+def remeshed_along(
+    vertices: FloatArray,
+    triangles: IntArray,
+    count: int,
+    project: Project,
+    lines: Lines | None = None,
+    sizing: Sizing | None = None,
+) -> tuple[FloatArray, IntArray, IntArray]:
     """The surface with `count` vertices and edges as even as they can be.
 
     Args:
@@ -85,6 +97,9 @@ def remeshed(
         project: Moves points onto the surface.
         lines: What is kept; None: boundaries, whose corners are cut.
         sizing: Where edges shall be longer or shorter; None: they are alike everywhere.
+
+    Returns:
+        Vertices [m], triangles, and the edges of lines, shape [f, 2].
 
     Raises:
         GeometryError: The surface cannot have that many vertices (too few for its holes).
@@ -119,7 +134,7 @@ def remeshed(
             break
         # A vertex too many here is one too few elsewhere, which no smoothing mends.
         mesh = _collapsed(mesh, _SHORTEST * median, len(mesh.x))
-    return best.x, best.triangles
+    return best.x, best.triangles, best.lines
 
 
 def area_by_size(vertices: FloatArray, triangles: IntArray, size: FloatArray) -> float:

@@ -15,6 +15,7 @@ from garment_sim_ros.contact.kinds import KINDS
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet, frame_of
 from garment_sim_ros.geometry.sheet import sheet
 from garment_sim_ros.params import Material
+from garment_sim_ros.sim.detail import surface
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.placement import GarmentLike, SoftAttachments
 from garment_sim_ros.sim.simulation import Simulation
@@ -97,6 +98,7 @@ def warm_up(scene: Scene, solver: str = "xpbd", parameters: Parameters | None = 
     Raises:
         ParameterError: Parameters that cannot be, or not with these colliders.
     """
+    surface.warm_up()
     garments: list[Any] = [_scrap(f"scrap{i}", f) for i, f in enumerate(sorted(scene.garments))]
     kinds = sorted(scene.kinds)
     shapes = [_collider(kind, kind, "bone") for kind in kinds]

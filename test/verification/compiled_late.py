@@ -60,7 +60,7 @@ def main(asked) -> None:
     compiler = Compiler(solver)
     compiler.compile(expected_scene(file), parameters)
     outfit = make_outfit(file, body, colliders=colliders)
-    simulation = Simulation(outfit.garments, colliders, solver=solver)
+    simulation = Simulation(outfit.garments, colliders, solver=solver, detail=asked.get("detail"))
     compiler.compile(Scene.of(colliders, outfit.garments), parameters)
     simulation.parameters = parameters
     stepper = ClothStepper(

@@ -28,7 +28,7 @@ def scene(*garments, method="capsules", **asked):
 
 SCENES = {
     "plain": scene(SHIRT, SKIRT),
-    "auto": scene(SHIRT, HELD, auto=True),
+    "auto, detail": scene(SHIRT, HELD, auto=True, detail=0.3),
     "held": scene(HELD),
     "soft": scene(SOFT),
     "layers, self-collision, wind": scene(SHIRT, OVER, environment=WINDY),
@@ -47,7 +47,7 @@ SCENES = {
     "sdf": scene(SKIRT, method="sdf"),
     "mesh": scene(SKIRT, method="mesh", solver="relaxation"),
 }
-QUICK = ("auto", "layers, self-collision, wind")
+QUICK = ("auto, detail", "layers, self-collision, wind")
 """What "plain" has is all in the first."""
 
 

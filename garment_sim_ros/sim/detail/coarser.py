@@ -12,9 +12,9 @@ from scipy.spatial import cKDTree
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.lines import lines_of, on_segments
+from garment_sim_ros.geometry.lines import Lines, lines_of
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
-from garment_sim_ros.geometry.remesh import remeshed
+from garment_sim_ros.geometry.remesh import remeshed_along
 from garment_sim_ros.geometry.topology import edge_table, non_manifold_edges
 from garment_sim_ros.geometry.triangles import barycentric
 from garment_sim_ros.params import Material
@@ -24,8 +24,9 @@ from garment_sim_ros.sim.placement import GarmentLike, SoftAttachments
 
 _FEWEST = 60
 """Vertices that a garment is simulated with at least."""
-_NEXT_TO = 0.3
-"""An edge whose middle is so near to a band, over its length, runs along it: bands bend."""
+_FARTHEST, _MORE = 0.5, 1.5
+"""Where one vertex in a hundred is farther from the coarser surface than that share of an edge, as
+in trousers whose legs are hardly wider than edges are long, it has so many times as many."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +59,8 @@ class Coarser:
 def coarser(garment: GarmentLike, detail: float) -> tuple[Coarser, Surface] | None:
     """A garment of fewer vertices, and the garment's own over it.
 
+    Where so few cannot tell its shape it has more.
+
     Args:
         garment: The garment.
         detail: Share of its vertices, above 0 and up to 1.
@@ -66,63 +69,93 @@ def coarser(garment: GarmentLike, detail: float) -> tuple[Coarser, Surface] | No
         None where it has no more than so many, or is still being sewn.
 
     Raises:
-        GeometryError: Its surface cannot have so few.
+        GeometryError: Its surface cannot have fewer.
     """
-    x = np.asarray(garment.vertices, np.float64)
+    x, triangles = (
+        np.asarray(garment.vertices, np.float64),
+        np.asarray(garment.triangles, np.int32),
+    )
     count = max(round(detail * len(x)), _FEWEST)
     if count >= len(x) or garment.stitches is not None:
         return None
-    triangles = np.asarray(garment.triangles, np.int32)
     if len(non_manifold_edges(triangles)):
-        raise GeometryError("more than two triangles meet at an edge; allowed: all its detail")
-    bands = np.zeros((0, 2), np.int32) if garment.elastic is None else garment.elastic.edges
+        raise GeometryError("more than two triangles meet at an edge")
     surface = MeshDistance(x, triangles)
+    bands = np.zeros((0, 2), np.int32) if garment.elastic is None else garment.elastic.edges
     lines = lines_of(x, triangles, np.sort(bands, axis=1))
-    made, faces = remeshed(x, triangles, count, lambda p: surface.signed_distance(p)[1], lines)
+    why = "too few vertices tell its shape"
+    while count < len(x):
+        try:
+            places, faces, kept = _meshed(garment, surface, lines, count)
+            whole = Surface(x, triangles, places, faces)
+            off = np.percentile(np.linalg.norm(whole.off, axis=1), 99.0)
+            if off <= _FARTHEST * _edge_length(places.of(x), faces):
+                made = _made(garment, surface, places, faces)
+                elastic = _along(garment, made.vertices, kept, lines.edges)
+                return replace(made, elastic=elastic), whole
+        except GeometryError as error:
+            why = str(error)
+        count = round(_MORE * count)
+    raise GeometryError(why)
+
+
+def _meshed(
+    garment: GarmentLike, surface: MeshDistance, lines: Lines, count: int
+) -> tuple[Places, IntArray, IntArray]:
+    """Where so many vertices are on a garment, their triangles, and edges along its lines."""
+    x, triangles = np.asarray(garment.vertices, np.float64), garment.triangles
+    made, faces, kept = remeshed_along(
+        *(x, np.asarray(triangles, np.int32), count),
+        lambda p: surface.signed_distance(p)[1],
+        lines,
+    )
     _, closest, under = surface.signed_distance(made)
     corner = triangles[under]
     places = Places(corner=corner, share=barycentric(x[corner], closest))
-    places = _at_pins(garment, places, faces)
+    return _at_pins(garment, places, faces), faces, kept
+
+
+def _made(garment: GarmentLike, surface: MeshDistance, places: Places, faces: IntArray) -> Coarser:
+    """What a garment has at places on it."""
+    x = np.asarray(garment.vertices, np.float64)
     made = places.of(x)
     frame_index, frame_weight = _followed(garment, places)
     pins, pin_frame = _pins(garment, places)
-    return (
-        Coarser(
-            name=garment.name,
-            vertices=made,
-            triangles=faces,
-            material=garment.material,
-            frames=garment.frames,
-            T_world_frame_rest=garment.T_world_frame_rest,
-            T_world_bone_rest=garment.T_world_bone_rest,
-            frame_index=frame_index,
-            frame_weight=frame_weight,
-            pins=pins,
-            pin_frame=pin_frame,
-            soft=_soft(garment, pins, made),
-            layer=garment.layer,
-            passed_by=garment.passed_by,
-            skin_limits={
-                name: np.asarray(limit)[places.nearest]
-                for name, limit in garment.skin_limits.items()
-            },
-            tethers=garment.tethers,
-            flat=None if garment.flat is None else _flat(garment, surface, made, faces),
-            rest=None if garment.rest is None else places.of(np.asarray(garment.rest)),
-            stitches=None,
-            elastic=None if garment.elastic is None else _along(garment.elastic, x, made, faces),
-            self_collision=garment.self_collision,
-        ),
-        Surface(x, triangles, places, faces),
+    return Coarser(
+        name=garment.name,
+        vertices=made,
+        triangles=faces,
+        material=garment.material,
+        frames=garment.frames,
+        T_world_frame_rest=garment.T_world_frame_rest,
+        T_world_bone_rest=garment.T_world_bone_rest,
+        frame_index=frame_index,
+        frame_weight=frame_weight,
+        pins=pins,
+        pin_frame=pin_frame,
+        soft=_soft(garment, pins, made),
+        layer=garment.layer,
+        passed_by=garment.passed_by,
+        skin_limits={n: np.asarray(v)[places.nearest] for n, v in garment.skin_limits.items()},
+        tethers=garment.tethers,
+        flat=None if garment.flat is None else _flat(garment, surface, made, faces),
+        rest=None if garment.rest is None else places.of(np.asarray(garment.rest)),
+        stitches=None,
+        elastic=None,
+        self_collision=garment.self_collision,
     )
+
+
+def _edge_length(x: FloatArray, triangles: IntArray) -> float:
+    edges = edge_table(triangles)[0]
+    return float(np.median(np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1)))
 
 
 def _at_pins(garment: GarmentLike, places: Places, faces: IntArray) -> Places:
     """Places, of which some are moved so that no pin is farther than an edge from a pinned one."""
     x = np.asarray(garment.vertices, np.float64)
-    edges = edge_table(faces)[0]
     made = places.of(x)
-    length = float(np.median(np.linalg.norm(made[edges[:, 0]] - made[edges[:, 1]], axis=1)))
+    length = _edge_length(made, faces)
     pins = np.asarray(garment.pins)
     corner, share = places.corner.copy(), places.share.copy()
     pinned = np.isin(places.nearest, pins)
@@ -205,17 +238,29 @@ def _unit(vectors: FloatArray) -> FloatArray:
     return result
 
 
-def _along(bands: ElasticEdges, x: FloatArray, made: FloatArray, faces: IntArray) -> ElasticEdges:
-    """Bands along the edges whose ends and middles lie at the garment's bands."""
-    start, way = x[bands.edges[:, 0]], x[bands.edges[:, 1]] - x[bands.edges[:, 0]]
-    edges = edge_table(faces)[0]
-    ends = made[edges]
-    middle = ends.mean(axis=1)
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    off = [np.linalg.norm(on_segments(p, start, way) - p, axis=1) for p in (*ends.swapaxes(0, 1),)]
-    beside = np.linalg.norm(on_segments(middle, start, way) - middle, axis=1)
-    runs = (np.maximum(*off) < 1e-3 * length) & (beside < _NEXT_TO * length)
-    if not runs.any():
-        raise GeometryError("its elastic bands are lost; allowed: more detail")
-    nearest = cKDTree(start + 0.5 * way).query(middle[runs])[1]
-    return ElasticEdges(edges[runs].astype(np.int32), bands.tension[nearest], bands.slack[nearest])
+def _along(
+    garment: GarmentLike, made: FloatArray, lines: IntArray, of_garment: IntArray
+) -> ElasticEdges | None:
+    """Bands along the lines that run where the garment's bands do.
+
+    Args:
+        garment: The garment.
+        made: Vertices of the coarser one [m], shape [c, 3].
+        lines: Its edges along open edges and bands, shape [f, 2].
+        of_garment: The same of the garment, shape [g, 2].
+    """
+    bands, x = garment.elastic, np.asarray(garment.vertices, np.float64)
+    if bands is None:
+        return None
+    v = len(x)
+    key, of_bands = (
+        np.sort(e, axis=1).astype(np.int64) @ (v, 1) for e in (of_garment, bands.edges)
+    )
+    middle, nearest = made[lines].mean(axis=1), cKDTree(x[of_garment].mean(axis=1))
+    order = np.argsort(of_bands, kind="stable")
+    place = np.minimum(np.searchsorted(of_bands[order], key), len(order) - 1)
+    band = np.where(of_bands[order][place] == key, order[place], -1)
+    band = band[nearest.query(middle)[1]]
+    runs = band >= 0
+    edges = np.sort(lines[runs], axis=1).astype(np.int32)
+    return ElasticEdges(edges, bands.tension[band[runs]], bands.slack[band[runs]])

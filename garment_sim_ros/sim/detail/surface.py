@@ -105,6 +105,14 @@ class Surface:
         return found
 
 
+def warm_up() -> None:
+    """Compile, or load from the cache, what showing a frame runs."""
+    x, triangles = np.eye(3), np.array([[0, 1, 2]], np.int32)
+    each = Places(corner=np.arange(3, dtype=np.int32).repeat(3).reshape(3, 3), share=np.eye(3))
+    shown = Surface(x, triangles, each, triangles)
+    shown.follow(x.astype(np.float32), np.zeros(3), np.empty((3, 3), np.float32))
+
+
 def _frozen(triangles: IntArray) -> IntArray:
     own = np.array(triangles, np.int32)
     own.setflags(write=False)
