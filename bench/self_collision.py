@@ -58,7 +58,7 @@ def main() -> None:
             if n % 3 == 0:
                 crossed[name].append(
                     sum(
-                        len(crossings(simulation.positions(g), simulation.model(g).triangles))
+                        len(crossings(simulation.positions(g), simulation[g].triangles))
                         for g in simulation.names
                     )
                 )

@@ -50,7 +50,7 @@ class ByName:
         return self._worn[name].model
 
     def state(self, name: str) -> State:
-        """Motion of a garment, in the order of its model and relative to `origin`."""
+        """Motion of what is simulated of a garment, in its model's order, relative to `origin`."""
         return self._worn[name].state
 
     def sides(self, name: str) -> Sides:

@@ -11,7 +11,7 @@ from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.sim.colliders import ColliderState
-from garment_sim_ros.sim.detail.coarser import coarser
+from garment_sim_ros.sim.detail.coarser import coarser, fewest
 from garment_sim_ros.sim.detail.surface import Surface
 from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.holds.attaching import attached_to
@@ -39,6 +39,8 @@ from garment_sim_ros.sim.solvers import Solver
 from garment_sim_ros.sim.state import State, Workspace
 
 _NOWHERE = np.zeros(3)
+_ROUNDED = 1.2
+"""A garment of several parts has a few more vertices than its share."""
 
 
 @dataclass(kw_only=True)
@@ -315,11 +317,19 @@ def _simulated(
     given: GarmentLike, detail: float
 ) -> tuple[GarmentLike, Surface | None, tuple[str, ...]]:
     """What of a garment is simulated, all its vertices over it, and why it is not as asked."""
+    if detail >= 1.0:
+        return given, None, ()
+    if given.stitches is not None:
+        return given, None, ("detail: all vertices are simulated: it is being sewn",)
     try:
-        fewer = None if detail >= 1.0 else coarser(given, detail)
+        made = coarser(given, detail)
     except GeometryError as error:
         return given, None, (f"detail: all vertices are simulated: {error}",)
-    return (given, None, ()) if fewer is None else (*fewer, ())
+    if made is None:
+        return given, None, ()
+    asked, has = fewest(given, detail), len(made[0].vertices)
+    more = f"detail: {has} instead of {asked} vertices are simulated: so few cannot tell its shape"
+    return (*made, (more,) if has > _ROUNDED * asked else ())
 
 
 def _constraints(

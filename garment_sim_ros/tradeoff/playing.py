@@ -99,7 +99,11 @@ class Player:
         )
 
     def begin(self, at: Snapshot) -> None:
-        """Be where a snapshot is, without contacts or anything else known from before."""
+        """Be where a snapshot is, without contacts or anything else known from before.
+
+        With `detail` what is simulated lies on what the snapshot shows, which folds may put it off
+        by a little.
+        """
         simulation, poses = self.simulation, self.staged.poses[at.frame]
         simulation.transport(poses, poses)
         simulation.time = at.frame * self.staged.scene.frame

@@ -5,25 +5,25 @@ elastic bands on these. What a vertex has, such as weights, pins and limits, the
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
-from garment_sim_ros.geometry.lines import Lines, lines_of
-from garment_sim_ros.geometry.mesh_distance import MeshDistance
-from garment_sim_ros.geometry.remesh import remeshed_along
 from garment_sim_ros.geometry.topology import edge_table, non_manifold_edges
-from garment_sim_ros.geometry.triangles import barycentric
+from garment_sim_ros.geometry.triangles import triangle_areas
 from garment_sim_ros.params import Material
+from garment_sim_ros.sim.detail.meshing import Meshed, meshed
 from garment_sim_ros.sim.detail.surface import Places, Surface
 from garment_sim_ros.sim.elastic import ElasticEdges
 from garment_sim_ros.sim.placement import GarmentLike, SoftAttachments
 
 _FEWEST = 60
 """Vertices that a garment is simulated with at least."""
+_APART = 1e3
+"""Distance that is put between parts of a garment where places on others must not be found [m]."""
 _FARTHEST, _MORE = 0.5, 1.5
 """Where one vertex in a hundred is farther from the coarser surface than that share of an edge, as
 in trousers whose legs are hardly wider than edges are long, it has so many times as many."""
@@ -66,65 +66,53 @@ def coarser(garment: GarmentLike, detail: float) -> tuple[Coarser, Surface] | No
         detail: Share of its vertices, above 0 and up to 1.
 
     Returns:
-        None where it has no more than so many, or is still being sewn.
+        None where it has no more than so many, is still being sewn, or is none that can be
+        simulated.
 
     Raises:
         GeometryError: Its surface cannot have fewer.
     """
-    x, triangles = (
-        np.asarray(garment.vertices, np.float64),
-        np.asarray(garment.triangles, np.int32),
-    )
-    count = max(round(detail * len(x)), _FEWEST)
-    if count >= len(x) or garment.stitches is not None:
+    x = np.asarray(garment.vertices, np.float64)
+    triangles = np.asarray(garment.triangles, np.int32)
+    count = fewest(garment, detail)
+    if count >= len(x) or garment.stitches is not None or not _is_cloth(x, triangles):
         return None
     if len(non_manifold_edges(triangles)):
-        raise GeometryError("more than two triangles meet at an edge")
-    surface = MeshDistance(x, triangles)
+        raise GeometryError("triangles meet at an edge that are more than two, or turned over")
     bands = np.zeros((0, 2), np.int32) if garment.elastic is None else garment.elastic.edges
-    lines = lines_of(x, triangles, np.sort(bands, axis=1))
-    why = "too few vertices tell its shape"
     while count < len(x):
-        try:
-            places, faces, kept = _meshed(garment, surface, lines, count)
-            whole = Surface(x, triangles, places, faces)
+        mesh = meshed(x, triangles, bands, count)
+        mesh = mesh._replace(places=_at_pins(garment, mesh))
+        if len(mesh.places.corner) < len(x):
+            whole = Surface(x, triangles, mesh.places, mesh.triangles)
             off = np.percentile(np.linalg.norm(whole.off, axis=1), 99.0)
-            if off <= _FARTHEST * _edge_length(places.of(x), faces):
-                made = _made(garment, surface, places, faces)
-                elastic = _along(garment, made.vertices, kept, lines.edges)
-                return replace(made, elastic=elastic), whole
-        except GeometryError as error:
-            why = str(error)
+            if off <= _FARTHEST * _edge_length(mesh.places.of(x), mesh.triangles):
+                return _made(garment, mesh), whole
         count = round(_MORE * count)
-    raise GeometryError(why)
+    raise GeometryError("fewer vertices cannot tell its shape")
 
 
-def _meshed(
-    garment: GarmentLike, surface: MeshDistance, lines: Lines, count: int
-) -> tuple[Places, IntArray, IntArray]:
-    """Where so many vertices are on a garment, their triangles, and edges along its lines."""
-    x, triangles = np.asarray(garment.vertices, np.float64), garment.triangles
-    made, faces, kept = remeshed_along(
-        *(x, np.asarray(triangles, np.int32), count),
-        lambda p: surface.signed_distance(p)[1],
-        lines,
-    )
-    _, closest, under = surface.signed_distance(made)
-    corner = triangles[under]
-    places = Places(corner=corner, share=barycentric(x[corner], closest))
-    return _at_pins(garment, places, faces), faces, kept
+def fewest(garment: GarmentLike, detail: float) -> int:
+    """How many vertices of a garment that share is."""
+    return max(round(detail * len(garment.vertices)), _FEWEST)
 
 
-def _made(garment: GarmentLike, surface: MeshDistance, places: Places, faces: IntArray) -> Coarser:
+def _is_cloth(x: FloatArray, triangles: IntArray) -> bool:
+    """Whether all vertices are of triangles, and these have an area; else the model says so."""
+    used = np.bincount(triangles.ravel(), minlength=len(x)) > 0
+    return bool(used.all()) and float(triangle_areas(x, triangles).sum()) > 0.0
+
+
+def _made(garment: GarmentLike, mesh: Meshed) -> Coarser:
     """What a garment has at places on it."""
-    x = np.asarray(garment.vertices, np.float64)
-    made = places.of(x)
+    places = mesh.places
+    made = places.of(np.asarray(garment.vertices, np.float64))
     frame_index, frame_weight = _followed(garment, places)
     pins, pin_frame = _pins(garment, places)
     return Coarser(
         name=garment.name,
         vertices=made,
-        triangles=faces,
+        triangles=mesh.triangles,
         material=garment.material,
         frames=garment.frames,
         T_world_frame_rest=garment.T_world_frame_rest,
@@ -133,15 +121,15 @@ def _made(garment: GarmentLike, surface: MeshDistance, places: Places, faces: In
         frame_weight=frame_weight,
         pins=pins,
         pin_frame=pin_frame,
-        soft=_soft(garment, pins, made),
+        soft=_soft(garment, pins, made, mesh),
         layer=garment.layer,
         passed_by=garment.passed_by,
         skin_limits={n: np.asarray(v)[places.nearest] for n, v in garment.skin_limits.items()},
         tethers=garment.tethers,
-        flat=None if garment.flat is None else _flat(garment, surface, made, faces),
+        flat=None if garment.flat is None else _flat(garment, made, mesh),
         rest=None if garment.rest is None else places.of(np.asarray(garment.rest)),
         stitches=None,
-        elastic=None,
+        elastic=_along(garment, mesh),
         self_collision=garment.self_collision,
     )
 
@@ -151,23 +139,23 @@ def _edge_length(x: FloatArray, triangles: IntArray) -> float:
     return float(np.median(np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1)))
 
 
-def _at_pins(garment: GarmentLike, places: Places, faces: IntArray) -> Places:
+def _at_pins(garment: GarmentLike, mesh: Meshed) -> Places:
     """Places, of which some are moved so that no pin is farther than an edge from a pinned one."""
-    x = np.asarray(garment.vertices, np.float64)
-    made = places.of(x)
-    length = _edge_length(made, faces)
-    pins = np.asarray(garment.pins)
+    x, places = np.asarray(garment.vertices, np.float64), mesh.places
+    made, part = places.of(x), mesh.part[places.nearest]
+    length = _edge_length(made, mesh.triangles)
     corner, share = places.corner.copy(), places.share.copy()
-    pinned = np.isin(places.nearest, pins)
-    for pin in pins:
-        held = made[pinned]
-        if len(held) and np.linalg.norm(held - x[pin], axis=1).min() <= length:
-            continue
+    pinned = np.isin(places.nearest, garment.pins)
+    for pin in np.asarray(garment.pins):
         away = np.linalg.norm(made - x[pin], axis=1)
+        away[part != mesh.part[pin]] = np.inf
+        if away[pinned].min(initial=np.inf) <= length:
+            continue
         away[pinned] = np.inf
         c = int(away.argmin())
-        corner[c], share[c], made[c], pinned[c] = pin, (1.0, 0.0, 0.0), x[pin], True
-    return replace(places, corner=corner, share=share)
+        if away[c] < np.inf:
+            corner[c], share[c], made[c], pinned[c] = pin, (1.0, 0.0, 0.0), x[pin], True
+    return Places(corner=corner, share=share)
 
 
 def _followed(garment: GarmentLike, places: Places) -> tuple[IntArray, FloatArray]:
@@ -190,33 +178,36 @@ def _pins(garment: GarmentLike, places: Places) -> tuple[IntArray, IntArray]:
     return pins, frame[pins]
 
 
-def _soft(garment: GarmentLike, pins: IntArray, made: FloatArray) -> SoftAttachments | None:
-    """Soft attachments: the springs of those that are near go to the same vertex."""
+def _soft(
+    garment: GarmentLike, pins: IntArray, made: FloatArray, mesh: Meshed
+) -> SoftAttachments | None:
+    """Soft attachments; springs that are near act on one vertex, from the stiffest's frame."""
     free = np.setdiff1d(np.arange(len(made), dtype=np.int32), pins)
-    old = garment.soft
-    if old is None or not len(free):
+    old, part = garment.soft, mesh.part[mesh.places.nearest]
+    if old is None or not len(free) or not len(old.vertices):
         return None
-    near = free[cKDTree(made[free]).query(np.asarray(garment.vertices)[old.vertices])[1]]
-    vertices, first, group = np.unique(near, return_index=True, return_inverse=True)
+    # Those of another part of the garment are far away.
+    there = np.c_[made, _APART * part][free]
+    here = np.c_[np.asarray(garment.vertices), _APART * mesh.part][old.vertices]
+    near = free[cKDTree(there).query(here)[1]]
+    stiffest = np.argsort(-old.stiffness, kind="stable")
+    vertices, first, group = np.unique(near[stiffest], return_index=True, return_inverse=True)
     return SoftAttachments(
         vertices=vertices,
-        frame=old.frame[first],
-        stiffness=np.bincount(group, old.stiffness).astype(np.float64),
-        damping=np.bincount(group, old.damping).astype(np.float64),
+        frame=old.frame[stiffest[first]],
+        stiffness=np.bincount(group, old.stiffness[stiffest]).astype(np.float64),
+        damping=np.bincount(group, old.damping[stiffest]).astype(np.float64),
     )
 
 
-def _flat(
-    garment: GarmentLike, surface: MeshDistance, made: FloatArray, faces: IntArray
-) -> FloatArray:
+def _flat(garment: GarmentLike, made: FloatArray, mesh: Meshed) -> FloatArray:
     """Where corners lie in the panels: as the garment's triangle under the middle maps them.
 
     Returns:
         Weft and warp [m], shape [s, 3, 2].
     """
     assert garment.flat is not None
-    own = made[faces]
-    under = surface.signed_distance(own.mean(axis=1))[2]
+    own, under = made[mesh.triangles], mesh.under
     theirs = np.asarray(garment.vertices, np.float64)[np.asarray(garment.triangles)[under]]
     panel = np.asarray(garment.flat, np.float64)[under]
     along = _unit(own[:, 1] - own[:, 0])
@@ -238,29 +229,14 @@ def _unit(vectors: FloatArray) -> FloatArray:
     return result
 
 
-def _along(
-    garment: GarmentLike, made: FloatArray, lines: IntArray, of_garment: IntArray
-) -> ElasticEdges | None:
-    """Bands along the lines that run where the garment's bands do.
-
-    Args:
-        garment: The garment.
-        made: Vertices of the coarser one [m], shape [c, 3].
-        lines: Its edges along open edges and bands, shape [f, 2].
-        of_garment: The same of the garment, shape [g, 2].
-    """
-    bands, x = garment.elastic, np.asarray(garment.vertices, np.float64)
+def _along(garment: GarmentLike, mesh: Meshed) -> ElasticEdges | None:
+    """Bands along the lines that run where the garment's bands do; each of several at one edge."""
+    bands, v = garment.elastic, len(garment.vertices)
     if bands is None:
         return None
-    v = len(x)
-    key, of_bands = (
-        np.sort(e, axis=1).astype(np.int64) @ (v, 1) for e in (of_garment, bands.edges)
+    line, band = (
+        np.sort(edges, axis=1).astype(np.int64) @ (v, 1) for edges in (mesh.along, bands.edges)
     )
-    middle, nearest = made[lines].mean(axis=1), cKDTree(x[of_garment].mean(axis=1))
-    order = np.argsort(of_bands, kind="stable")
-    place = np.minimum(np.searchsorted(of_bands[order], key), len(order) - 1)
-    band = np.where(of_bands[order][place] == key, order[place], -1)
-    band = band[nearest.query(middle)[1]]
-    runs = band >= 0
-    edges = np.sort(lines[runs], axis=1).astype(np.int32)
-    return ElasticEdges(edges, bands.tension[band[runs]], bands.slack[band[runs]])
+    at, which = np.nonzero(line[:, None] == band)
+    edges = np.sort(mesh.lines[at], axis=1).astype(np.int32)
+    return ElasticEdges(edges, bands.tension[which], bands.slack[which])

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import cKDTree
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.geometry.connectivity import adjacency
@@ -75,7 +74,7 @@ class Surface:
         self.triangles, self.under = _frozen(triangles), under
         coarse = under.of(vertices)
         self._coarse_triangles = _frozen(coarse_triangles)
-        owner = _owners(vertices, triangles, coarse, under.nearest)
+        owner = _owners(vertices, triangles, under.nearest)
         self.corner, share = _over(vertices, coarse, coarse_triangles, owner)
         self.share = share.astype(np.float32)
         self._normal = np.zeros(coarse.shape, np.float32)
@@ -119,25 +118,20 @@ def _frozen(triangles: IntArray) -> IntArray:
     return own
 
 
-def _owners(
-    vertices: FloatArray, triangles: IntArray, coarse: FloatArray, near: IntArray
-) -> IntArray:
+def _owners(vertices: FloatArray, triangles: IntArray, near: IntArray) -> IntArray:
     """The coarse vertex that is nearest to each vertex on its way over the garment, shape [v].
 
     Straight ways would lead from a sleeve to the trunk.
     """
     sources, first = np.unique(near, return_index=True)
     graph = mesh_graph(vertices, triangles, paths="edges")
-    distance, before = graph.distances(sources.astype(np.int32))
-    owner = np.full(len(vertices), -1, np.int32)
+    _, before = graph.distances(sources.astype(np.int32))
+    root = np.where(before < 0, np.arange(len(vertices), dtype=np.int32), before)
+    while (root[root] != root).any():
+        root = root[root]
+    owner = np.zeros(len(vertices), np.int32)
     owner[sources] = first
-    for v in np.argsort(distance, kind="stable"):
-        if owner[v] < 0 and before[v] >= 0:
-            owner[v] = owner[before[v]]
-    alone = owner < 0
-    if alone.any():
-        owner[alone] = cKDTree(coarse).query(vertices[alone])[1]
-    return owner
+    return owner[root]
 
 
 def _over(
