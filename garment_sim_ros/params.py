@@ -264,8 +264,8 @@ class ClothNodeParameters:
     )
     detail: float = parameter(
         1.0,
-        "Share of each garment's vertices that are simulated. The others follow them on a smooth "
-        "surface. Fewer take less time and have fewer folds.",
+        "Share of each garment's vertices that are simulated. The others keep their places beside "
+        "them. Fewer take less time and have fewer folds.",
         minimum=0.05,
         maximum=1.0,
     )

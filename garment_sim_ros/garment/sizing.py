@@ -15,7 +15,7 @@ from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.connectivity import links
 from garment_sim_ros.geometry.topology import edge_table
-from garment_sim_ros.geometry.triangles import vertex_areas
+from garment_sim_ros.geometry.triangles import unit_vectors, vertex_areas
 
 _TRIANGLE, _CHORD = 6.0, 8.0
 _GRADING = 0.5
@@ -96,11 +96,11 @@ def surface_curvature(vertices: FloatArray, triangles: IntArray, rings: int) -> 
     first = (np.cumsum(count) - count)[count == 2]
     s, inner = side[first], edges[count == 2]
     a, b, c = np.moveaxis(vertices[triangles], 1, 0)
-    normal = _unit(np.cross(b - a, c - a))
+    normal = unit_vectors(np.cross(b - a, c - a))
     left, right = normal[s // 3], normal[side[first + 1] // 3]
     along = vertices[inner[:, 1]] - vertices[inner[:, 0]]
     length = np.linalg.norm(along, axis=1)
-    along = _unit(along)
+    along = unit_vectors(along)
     # Positive where the surface bends outwards, whichever of the two triangles comes first.
     sense = np.where(triangles.ravel()[s] == inner[:, 0], 1.0, -1.0)
     turn = sense * np.einsum("ei,ei->e", np.cross(left, right), along)
@@ -133,11 +133,6 @@ def line_curvature(vertices: FloatArray, lines: IntArray, rings: int) -> FloatAr
     length = np.linalg.norm(vertices[lines[:, 0]] - vertices[lines[:, 1]], axis=1)
     weight = _halves(length[:, None], lines, n)[:, 0]
     return _averaged(turn, weight, lines, rings)[:, 0]
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    unit: FloatArray = vectors / np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)[:, None]
-    return unit
 
 
 def _halves(values: FloatArray, edges: IntArray, count: int) -> FloatArray:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.geometry.topology import edge_table
+from garment_sim_ros.geometry.triangles import unit_vectors
 
 _SHARP = 0.7
 """Where a line turns by an angle of a smaller cosine it has a corner."""
@@ -48,8 +49,7 @@ def lines_of(x: FloatArray, triangles: IntArray, seams: IntArray) -> Lines:
     corner = np.zeros(len(x), dtype=bool)
     corner[here[size != 2]] = True
     two, at = here[size == 2], first[size == 2]
-    way = [x[ends[at + k, 1]] - x[two] for k in (0, 1)]
-    unit = [w / np.maximum(np.linalg.norm(w, axis=1, keepdims=True), 1e-300) for w in way]
+    unit = [unit_vectors(x[ends[at + k, 1]] - x[two]) for k in (0, 1)]
     corner[two[-np.einsum("ni,ni->n", *unit) < _SHARP]] = True
     start, along = x[lines[:, 0]], x[lines[:, 1]] - x[lines[:, 0]]
     return Lines(lines.astype(np.int32), corner, lambda p: on_segments(p, start, along))

@@ -20,6 +20,13 @@ def area_vectors(x: FloatArray, triangles: IntArray) -> FloatArray:
     return vectors
 
 
+def unit_vectors(vectors: FloatArray) -> FloatArray:
+    """Vectors [n, 3] made 1 long; those without a length stay as they are."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    unit: FloatArray = vectors / np.maximum(length, 1e-300)
+    return unit
+
+
 def triangle_areas(x: FloatArray, triangles: IntArray) -> FloatArray:
     """Area of each triangle [m^2], shape [t]; arguments as of `area_vectors`."""
     areas: FloatArray = 0.5 * np.linalg.norm(area_vectors(x, triangles), axis=1)

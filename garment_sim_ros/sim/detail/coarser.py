@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.topology import edge_table, non_manifold_edges
-from garment_sim_ros.geometry.triangles import triangle_areas
+from garment_sim_ros.geometry.triangles import area_vectors, triangle_areas, unit_vectors
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.detail.meshing import Meshed, meshed
 from garment_sim_ros.sim.detail.surface import Places, Surface
@@ -207,13 +207,13 @@ def _flat(garment: GarmentLike, made: FloatArray, mesh: Meshed) -> FloatArray:
         Weft and warp [m], shape [s, 3, 2].
     """
     assert garment.flat is not None
-    own, under = made[mesh.triangles], mesh.under
-    theirs = np.asarray(garment.vertices, np.float64)[np.asarray(garment.triangles)[under]]
-    panel = np.asarray(garment.flat, np.float64)[under]
-    along = _unit(own[:, 1] - own[:, 0])
-    up = _unit(np.cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0]))
-    beside = _unit(np.cross(theirs[:, 1] - theirs[:, 0], theirs[:, 2] - theirs[:, 0]))
-    level = _unit(along - np.einsum("si,si->s", along, beside)[:, None] * beside)
+    x, under = np.asarray(garment.vertices, np.float64), np.asarray(garment.triangles)[mesh.under]
+    own, theirs = made[mesh.triangles], x[under]
+    panel = np.asarray(garment.flat, np.float64)[mesh.under]
+    along = unit_vectors(own[:, 1] - own[:, 0])
+    up = unit_vectors(area_vectors(made, mesh.triangles))
+    beside = unit_vectors(area_vectors(x, under))
+    level = unit_vectors(along - np.einsum("si,si->s", along, beside)[:, None] * beside)
     ours = np.stack([along, np.cross(up, along)], axis=1)
     other = np.stack([level, np.cross(beside, level)], axis=1)
     sides = np.einsum("ski,sni->skn", other, theirs[:, 1:] - theirs[:, :1])
@@ -221,12 +221,6 @@ def _flat(garment: GarmentLike, made: FloatArray, mesh: Meshed) -> FloatArray:
     corners = np.einsum("ski,sni->snk", ours, own - own[:, :1])
     flat: FloatArray = np.einsum("slk,snk->snl", mapped, corners)
     return flat
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    result: FloatArray = vectors / np.maximum(length, 1e-300)
-    return result
 
 
 def _along(garment: GarmentLike, mesh: Meshed) -> ElasticEdges | None:
