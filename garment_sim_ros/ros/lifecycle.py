@@ -31,6 +31,7 @@ from garment_sim_ros.ros.place import ALONE, Place
 from garment_sim_ros.ros.rclpy_internals import (
     Taken,
     activate,
+    end_lifecycle,
     given_names,
     given_value,
     lifecycle_state,
@@ -282,6 +283,11 @@ class ManagedNode(LifecycleNode, Generic[Group]):
         self.inputs.append(made)
         self._waits = None
         return made
+
+    def destroy_node(self) -> None:
+        """End the node; nothing of it is left on the network."""
+        super().destroy_node()
+        end_lifecycle(self)
 
     def _condition(self) -> Condition:
         """The node's own, and what is wrong with its time or its inputs."""

@@ -65,9 +65,18 @@ class Broken(ManagedNode):
 sys.exit(run("mocap_player", Broken, []))
 """
 
+ENDS = """
+from pathlib import Path
+from garment_sim_ros.ros.{node} import main
+
+main([])
+names = {path.read_text().strip() for path in Path("/proc/self/task").glob("*/comm")}
+print("at work:", sorted(name for name in names if name.startswith("dds.")))
+"""
+
 
 @contextlib.contextmanager
-def stuck(code):
+def stuck(code, where="stuck"):
     """A process that has come to where it says that it is stuck."""
     process = subprocess.Popen(
         [sys.executable, "-c", code],
@@ -78,7 +87,7 @@ def stuck(code):
     try:
         assert process.stdout is not None
         said = []
-        while not said or "stuck" not in said[-1]:
+        while not said or where not in said[-1]:
             said.append(process.stdout.readline())
             assert said[-1], said
         yield process
@@ -127,3 +136,13 @@ def test_a_defect_ends_the_node_and_is_told(when, what):
     assert done.returncode == 2
     assert "ZeroDivisionError: a defect" in done.stderr
     assert done.stderr.splitlines()[-1] == f"error: mocap_player could not be {what}"
+
+
+@pytest.mark.parametrize("node", ["mocap_player", "collider_node", "cloth_node"])
+def test_a_node_that_ended_has_left_the_network(node):
+    """Else the middleware works on while the process takes away what it uses."""
+    with stuck(ENDS.replace("{node}", node), where="preset") as process:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60.0) == 0
+        # The one that is left looks after shared memory, and is joined when its library goes.
+        assert process.stdout.read().splitlines()[-1] == "at work: ['dds.shm.wdog']"
