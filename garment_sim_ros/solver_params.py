@@ -42,8 +42,9 @@ class RelaxationSettings:
     )
     extras: bool = parameter(
         True,
-        "What the papers do not have: garments that are worn over each other are kept apart, and "
-        "those that limbs stay in are wound back.",
+        "What the papers do not have: garments that are worn over each other are kept apart, "
+        "those that limbs stay in are wound back, and cloth is shown over the shapes between its "
+        "particles, too.",
     )
 
 

@@ -85,9 +85,9 @@ class GarmentMesh:
         length = np.linalg.norm(every, axis=1, keepdims=True)
         return np.asarray(every / np.maximum(length, 1e-300))
 
-    def inside(self, distance: FloatArray) -> float:
-        """Share of the area at rest that is inside of the skin, by the samples' distances [m]."""
-        deep = (distance < -DEEP)[self.samples_of_triangle].mean(axis=1)
+    def inside(self, distance: FloatArray, depth: float = DEEP) -> float:
+        """Share of the area at rest that is so deep in the skin, by the samples' distances [m]."""
+        deep = (distance < -depth)[self.samples_of_triangle].mean(axis=1)
         return float(deep @ self.rest_area / self.rest_area.sum())
 
     def strain(self, x: FloatArray) -> FloatArray:
@@ -119,6 +119,7 @@ class ClothMeter:
         self._gap: list[NDArray[np.float32]] = []
         self._strain: list[NDArray[np.float32]] = []
         self._inside: list[float] = []
+        self._shows: list[float] = []
         self._crossed: list[float] = []
         self._finite = True
 
@@ -138,6 +139,7 @@ class ClothMeter:
             samples = mesh.samples(x)
             distance, closest, triangle = self._skin.signed_distance(samples)
             self._inside.append(mesh.inside(distance))
+            self._shows.append(mesh.inside(distance, 0.0))
             depth = np.maximum(-distance, 0.0)
             if self._own_sides is not None:
                 way = np.stack([closest, samples], axis=1)
@@ -159,6 +161,7 @@ class ClothMeter:
             "penetration_mm_max": _statistic(self._penetration, 100.0, 1e3),
             "inside_p99": _statistic([np.array(self._inside, np.float32)], 99.0, 1.0),
             "inside_median": _statistic([np.array(self._inside, np.float32)], 50.0, 1.0),
+            "skin_shows_p99": _statistic([np.array(self._shows, np.float32)], 99.0, 1.0),
             "crossed_p99": _statistic([np.array(self._crossed, np.float32)], 99.0, 1.0),
             "gap_mm_median": _statistic(self._gap, 50.0, 1e3),
             "strain_p95": _statistic(self._strain, 95.0, 1.0),

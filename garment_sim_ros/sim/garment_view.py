@@ -46,7 +46,7 @@ class GarmentView:
 
     @property
     def positions(self) -> SingleArray:
-        """World positions of the vertices [m], shape [v, 3]."""
+        """World positions of the vertices as they are shown [m], shape [v, 3]."""
         return self.worn.shown(self._origin)
 
     @property

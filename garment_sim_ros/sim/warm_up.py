@@ -15,8 +15,9 @@ from garment_sim_ros.contact.kinds import KINDS
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet, frame_of
 from garment_sim_ros.geometry.sheet import sheet
 from garment_sim_ros.params import Material
-from garment_sim_ros.sim.detail import surface
+from garment_sim_ros.sim.detail.surface import itself
 from garment_sim_ros.sim.model import Parameters
+from garment_sim_ros.sim.over_shapes import OverShapes
 from garment_sim_ros.sim.placement import GarmentLike, SoftAttachments
 from garment_sim_ros.sim.simulation import Simulation
 
@@ -98,7 +99,6 @@ def warm_up(scene: Scene, solver: str = "xpbd", parameters: Parameters | None = 
     Raises:
         ParameterError: Parameters that cannot be, or not with these colliders.
     """
-    surface.warm_up()
     garments: list[Any] = [_scrap(f"scrap{i}", f) for i, f in enumerate(sorted(scene.garments))]
     kinds = sorted(scene.kinds)
     shapes = [_collider(kind, kind, "bone") for kind in kinds]
@@ -117,6 +117,9 @@ def warm_up(scene: Scene, solver: str = "xpbd", parameters: Parameters | None = 
     far = ColliderPoses(position=near.position + 2.0, orientation=near.orientation)
     simulation.reset(near)
     simulation.advance(near, near, 2.5 * simulation.solver_step)
+    for view in simulation:
+        worn, rest = view.worn, view.garment.vertices
+        worn.over = OverShapes(worn.model, itself(rest, view.triangles), rest)
     simulation.advance(far, far)
     simulation.transport(far, near)
     for name in simulation.names:

@@ -23,6 +23,7 @@ from garment_sim_ros.sim.holds.stitching import Stitching
 from garment_sim_ros.sim.model import ClothModel, build_model
 from garment_sim_ros.sim.motion import measure_motion, move_pins, shift, to_file_order
 from garment_sim_ros.sim.on_its_way import OnItsWay
+from garment_sim_ros.sim.over_shapes import OverShapes
 from garment_sim_ros.sim.piece import Piece
 from garment_sim_ros.sim.placement import (
     Frames,
@@ -60,6 +61,7 @@ class Worn(Piece):
         letting_go: Releases overstretched cloth from colliders that should only brush the
             garment; None where there are none.
         on_its_way: What it is shown off its place where it was wound back.
+        over: What it is shown off its place to lie over the shapes.
         x_world: World positions of its vertices in file order [m], shape [v, 3].
         normal: Their unit normals, shape [v, 3].
         x_simulated: Scratch: those that are simulated, shape [n, 3].
@@ -76,6 +78,7 @@ class Worn(Piece):
     places: SkinPlaces | None
     letting_go: LettingGo | None
     on_its_way: OnItsWay
+    over: OverShapes
     x_world: SingleArray
     normal: SingleArray
     x_simulated: SingleArray
@@ -150,6 +153,7 @@ class Worn(Piece):
             places=places,
             letting_go=LettingGo(model, workspace.sides) if garment.passed_by else None,
             on_its_way=OnItsWay(garment),
+            over=OverShapes(model, surface, given.vertices if given.rest is None else given.rest),
             constraints=_constraints(garment, places, model, workspace),
             x_world=np.zeros((len(given.vertices), 3), np.float32),
             normal=np.zeros((len(given.vertices), 3), np.float32),
@@ -241,9 +245,11 @@ class Worn(Piece):
             out: Receives them; else a new array.
         """
         if self.surface is None:
-            return self.seen(origin, out)
-        out = np.empty((len(self.surface), 3), np.float32) if out is None else out
-        self.surface.follow(self.seen(_NOWHERE, self.x_simulated), origin, out)
+            out = self.seen(origin, out)
+        else:
+            out = np.empty((len(self.surface), 3), np.float32) if out is None else out
+            self.surface.follow(self.seen(_NOWHERE, self.x_simulated), origin, out)
+        out += self.over.lift
         return out
 
     def seen(self, origin: FloatArray, out: SingleArray | None = None) -> SingleArray:
@@ -262,11 +268,6 @@ class Worn(Piece):
         v = np.empty((len(self.model), 3), np.float32)
         v[self.model.vertex] = self.state.v
         return v if self.surface is None else self.surface.between(v)
-
-    def go_on(self, colliders: ColliderState, time: float) -> None:
-        """Some time has passed [s]: it comes nearer to where it was put."""
-        if self.on_its_way.left > 0.0:
-            self.on_its_way.go(time, self.frames.world(colliders.end))
 
     def measure(self) -> None:
         """Measures the motion again, where something else than the solver changed it."""
@@ -296,10 +297,18 @@ class Worn(Piece):
         self.state.v[free:] = 0.0
         self.good.assign(self.state)
         self.on_its_way.end()
+        self.over.forget()
         self._forget()
 
-    def watch(self, colliders: ColliderState, dt: float) -> None:
-        """Takes readings after the last of several steps of dt [s]; mends what layers broke."""
+    def watch(self, colliders: ColliderState, dt: float, time: float, *, over: bool) -> None:
+        """Takes readings after several steps and mends what layers broke; what is shown follows.
+
+        Args:
+            colliders: The colliders.
+            dt: Length of the last step [s].
+            time: Of all of them [s]; infinite where the garment was put on.
+            over: Whether it is shown over the shapes.
+        """
         self.check(dt)
         health = self.health
         if self.recovery.is_lost(self.state, self.workspace.motion, dt):
@@ -311,6 +320,13 @@ class Worn(Piece):
         health.rms_speed = math.sqrt(total / max(self.model.free_count, 1))
         health.max_speed = math.sqrt(fastest)
         health.let_go = 0 if self.letting_go is None else self.letting_go.count
+        if self.on_its_way.left > 0.0:
+            self.on_its_way.go(time, self.frames.world(colliders.end))
+        if over:
+            keep = max(self.model.material.thickness, colliders.thickness)
+            self.over.look(self.state.x, self.workspace.contacts, colliders, keep, time)
+        else:
+            self.over.forget()
 
 
 def _simulated(

@@ -266,9 +266,9 @@ class TestSimulation:
         vertex_normals(after, sheet.triangles, normals)
         np.testing.assert_array_equal(sheet.normals, normals)
         # The order of the garment's vertices, not of the particles.
-        np.testing.assert_array_equal(
-            after[sheet.model.vertex], (sheet.state.x + simulation.origin).astype(np.float32)
-        )
+        expected = (sheet.state.x + simulation.origin).astype(np.float32)
+        expected += sheet.worn.over.lift[sheet.model.vertex]
+        np.testing.assert_array_equal(after[sheet.model.vertex], expected)
         assert sheet.health is simulation.health("sheet")
         assert sheet.limits == simulation.limits("sheet")
         assert [garment.name for garment in simulation] == ["sheet"]

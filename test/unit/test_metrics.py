@@ -81,10 +81,12 @@ def test_inside_is_the_share_of_the_area_that_is_deep_in_the_skin(body):
     cap = (1.0 - 0.8) / 2.0
     assert meter.result()["inside_median"] == 0.0
     assert meter.result()["inside_p99"] == pytest.approx(0.98 * cap, rel=0.06)
-    # 1 mm deep is not inside.
+    assert meter.result()["skin_shows_p99"] == pytest.approx(0.98 * cap, rel=0.1)
+    # 1 mm deep is not inside, but skin shows through.
     meter = ClothMeter(*body, {"shirt": mesh})
     meter.add(body[0], {"shirt": vertices * 0.2995 / 0.31})
     assert meter.result()["inside_p99"] == 0.0
+    assert meter.result()["skin_shows_p99"] > 0.9
     assert meter.result()["penetration_mm_max"] > 0.3
 
 

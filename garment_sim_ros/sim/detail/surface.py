@@ -104,12 +104,13 @@ class Surface:
         return found
 
 
-def warm_up() -> None:
-    """Compile, or load from the cache, what showing a frame runs."""
-    x, triangles = np.eye(3), np.array([[0, 1, 2]], np.int32)
-    each = Places(corner=np.arange(3, dtype=np.int32).repeat(3).reshape(3, 3), share=np.eye(3))
-    shown = Surface(x, triangles, each, triangles)
-    shown.follow(x.astype(np.float32), np.zeros(3), np.empty((3, 3), np.float32))
+def itself(vertices: FloatArray, triangles: IntArray) -> Surface:
+    """A garment's vertices over a mesh that is no coarser."""
+    own = np.arange(len(vertices), dtype=np.int32)
+    share = np.tile([1.0, 0.0, 0.0], (len(vertices), 1))
+    return Surface(
+        vertices, triangles, Places(corner=own.repeat(3).reshape(-1, 3), share=share), triangles
+    )
 
 
 def _frozen(triangles: IntArray) -> IntArray:
