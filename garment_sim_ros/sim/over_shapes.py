@@ -95,7 +95,8 @@ class OverShapes:
             lift_vertices(self._x, self._corner, *met)
         come_down(self.lift, self._asked, np.float32(math.exp(-time / _BACK)))
         for _ in range(_PASSES):
-            leave_creases(self._x, self._triangles, self._most, self._left, self.lift)
+            if not leave_creases(self._x, self._triangles, self._most, self._left, self.lift):
+                break
 
     def forget(self) -> None:
         """Shows all in its place until the next look."""
@@ -203,19 +204,27 @@ def leave_creases(x, triangles, most, left, lift):
             shape [t, 3].
         left: Scratch, shape [v].
         lift: What each vertex is lifted by, changed in place [m], shape [v, 3].
+
+    Returns:
+        Whether there was any.
     """
+    found = False
     for v in range(left.size):
         left[v] = False
     for t in range(triangles.shape[0]):
         for k in range(3):
             a, b = triangles[t, k], triangles[t, k - 2]
-            edge, apart = less(row(x, a), row(x, b)), less(row(lift, a), row(lift, b))
-            longer = length(plus(edge, apart))
-            if longer > most[t, k] and longer > length(edge):
-                left[a] = left[b] = True
-    for v in range(left.size):
-        if left[v]:
-            lift[v, 0], lift[v, 1], lift[v, 2] = _ZERO, _ZERO, _ZERO
+            apart = less(row(lift, a), row(lift, b))
+            if dot(apart, apart) > _ZERO:
+                edge = less(row(x, a), row(x, b))
+                longer = length(plus(edge, apart))
+                if longer > most[t, k] and longer > length(edge):
+                    left[a] = left[b] = found = True
+    if found:
+        for v in range(left.size):
+            if left[v]:
+                lift[v, 0], lift[v, 1], lift[v, 2] = _ZERO, _ZERO, _ZERO
+    return found
 
 
 @lean_kernel(inner=True)
