@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from naive import naive_over
+from particles import simulated
 
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses
 from garment_sim_ros.sim.colliders import ColliderState
@@ -36,10 +37,6 @@ def over_a_knee(cloth, rows=7, spacing=0.04, **options):
 def middles(simulation, x):
     """How far the middles of triangles are from the ball [m]."""
     return np.linalg.norm(x[simulation["cloth"].triangles].mean(axis=1), axis=1) - KNEE
-
-
-def simulated(simulation):
-    return simulation["cloth"].worn.seen(simulation.origin)
 
 
 def test_no_middle_is_seen_in_a_knee(cloth):

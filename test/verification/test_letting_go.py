@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from particles import simulated
 
 from garment_sim_ros.contact.guard.guard import Guard
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses
@@ -35,11 +36,6 @@ def strip(cloth, ends):
         solver="xpbd",
         solver_step=FRAME,
     )
-
-
-def simulated(simulation):
-    """Where particles are; shown are they farther out where triangles between them cut in [m]."""
-    return simulation["cloth"].worn.seen(simulation.origin).astype(np.float64)
 
 
 def at(x, z):

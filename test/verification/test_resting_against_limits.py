@@ -6,6 +6,7 @@ import itertools
 import numpy as np
 import pytest
 from naive import naive
+from particles import simulated
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses
@@ -25,11 +26,6 @@ def dressed(cloth, kind, sheets):
     """Sheets, the inner one first, and one shape; `xpbd`."""
     shape = Collider(name="body", kind=kind, bone="body", geometry=GEOMETRY[kind])
     return Simulation(sheets, cloth.colliders(shape), solver="xpbd", solver_step=FRAME)
-
-
-def simulated(simulation):
-    """Where particles are; shown are they farther out where triangles between them cut in [m]."""
-    return simulation["cloth"].worn.seen(simulation.origin).astype(np.float64)
 
 
 def sheet(cloth, n, height, limit=None, pins=(), **options):
