@@ -83,3 +83,9 @@ class Environment:
         minimum=0.0,
         maximum=1.0,
     )
+
+    @property
+    def blows(self) -> bool:
+        """Whether air acts on cloth that is at rest."""
+        acts = self.wind_drag > 0.0 or self.wind_lift > 0.0
+        return acts and (self.gust > 0.0 or any(self.wind))

@@ -78,8 +78,9 @@ def take_step(
                 pair.separate()
             for piece in pieces:
                 _hold(piece, step, end)
+    rests = colliders.still and not params.environment.blows
     for pair in pairs:
-        pair.untangle(dt)
+        pair.untangle(dt, rests)
     for piece in pieces:
         if pairs or others:
             measure_motion(piece.state.v[: piece.model.free_count], piece.workspace.motion)

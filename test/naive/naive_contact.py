@@ -251,3 +251,31 @@ def stay_near(
     farthest = 0.25 * inscribed_radius
     move = min(0.0, farthest / length - 1.0) * way
     return x + move, v + move / dt
+
+
+def second_plane(
+    shapes: Sequence[Shape],
+    place: FloatArray,
+    touched: tuple[int, int, int],
+    reach: FloatArray,
+    thickness: float,
+) -> tuple[int, FloatArray, FloatArray]:
+    """The shape of a particle's second plane, -1 for none, its normal and a point of it.
+
+    Args:
+        shapes: All shapes.
+        place: Where the particle is [m].
+        touched: Shapes that it touches now, touched before, had a second plane of; -1 for none.
+        reach: How far off a shape may be, 0 for those that the particle has nothing to do with
+            [m], shape [m].
+        thickness: Distance to keep from surfaces [m].
+    """
+    now, before, second = touched
+    for k in (before, second):
+        if k in (-1, now):
+            continue
+        distance, normal = signed_distance(shapes[k], place)
+        if not distance - thickness < reach[k]:
+            break
+        return k, normal, place - max(distance - thickness, 0.0) * normal
+    return -1, np.zeros(3), np.zeros(3)

@@ -6,19 +6,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive import naive_contact
 
+from garment_sim_ros.contact.contacts import Contacts
+from garment_sim_ros.contact.guard.guard import Guard
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
 from garment_sim_ros.contact.pinch import stay_between
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
-from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER
+from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER, Sides
 from garment_sim_ros.contact.sweep import Sweep, sweep
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
-from garment_sim_ros.sim.solvers.xpbd.given import Planes
+from garment_sim_ros.sim.solvers.xpbd.given import Bodies, Planes
 from garment_sim_ros.sim.solvers.xpbd.planes import (
     remember_planes,
     return_to_planes,
     stop_at_contacts,
     touch_planes,
 )
+from garment_sim_ros.sim.solvers.xpbd.second_planes import remember_second_planes
 
 SEEDS = st.integers(0, 10**6)
 THICKNESS = 0.003
@@ -231,3 +234,50 @@ def test_velocities_after_a_search(seed, dt, friction):
     np.testing.assert_allclose(v, expected, atol=1e-6 / dt)
     speed = (v.astype(np.float64) ** 2).sum(axis=1)
     assert motion == pytest.approx([speed.sum(), speed.max()], rel=1e-5)
+
+
+@given(SEEDS, st.integers(2, 5))
+@settings(derandomize=True, deadline=None, max_examples=20)
+def test_second_planes(seed, count):
+    """Particles near to shapes that they touched before, far off, deep in them, or kept."""
+    rng = np.random.default_rng(seed)
+    scene = Scene(rng, count, 0.01, 0.05, spread=0.05)
+    n = 400
+    middle = np.mean([place for _, place, _ in scene.shapes], axis=0)
+    x = (middle + 0.05 * rng.normal(size=(n, 3))).astype(np.float32)
+    x_start = (x - 0.01 * rng.normal(size=(n, 3))).astype(np.float32)
+    side = rng.choice([UNDER, UNDER, OPPOSED, PASSING], (count, n)).astype(np.int8)
+    guard = Guard.none(n)
+    guard.kept[:] = kept = rng.choice([-1, -1, -1, 0], n)
+    planes, second = Planes.room_for(n), Planes.room_for(n)
+    now, before, had = rng.integers(-1, count, (3, n)).astype(np.int32)
+    planes.shape[:], second.shape[:] = now, had
+    planes.depth[:] = rng.choice([0.001, np.inf], n, p=[0.8, 0.2])
+    sides = Sides(side, np.zeros((0, count), np.bool_))
+    bodies = Bodies(
+        *(scene.packed, scene.posed, scene.posed, scene.way, sides),
+        *(Contacts.room_for(n, count), guard),
+    )
+    remember_second_planes(x, x_start, bodies, planes, second, before, np.float32(THICKNESS))
+    reach = 0.25 * scene.way.inscribed_radius.astype(np.float64)
+    found = 0
+    for p in range(n):
+        is_held = kept[p] >= 0 or (now[p] >= 0 and np.isinf(planes.depth[p]))
+        candidate = before[p] if before[p] not in (-1, now[p]) else had[p]
+        other_side = candidate >= 0 and side[candidate, p] != UNDER
+        expected, normal, place = -1, None, None
+        if not (is_held or other_side):
+            expected, normal, place = naive_contact.second_plane(
+                *(scene.shapes, x[p].astype(np.float64)),
+                *((int(now[p]), int(before[p]), int(had[p])), reach, THICKNESS),
+            )
+        assert second.shape[p] == expected
+        if expected < 0:
+            continue
+        found += 1
+        np.testing.assert_allclose(second.normal[p], normal, atol=1e-4)
+        np.testing.assert_allclose(second.place[p], place, atol=1e-5)
+        way = naive_contact.moved_with(scene.carry[expected], x_start[p].astype(np.float64))
+        np.testing.assert_allclose(second.shift[p], way, atol=1e-6)
+    assert found > 3
+    assert (second.depth == 0.0).all()

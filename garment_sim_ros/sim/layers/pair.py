@@ -190,10 +190,15 @@ class LayerPair:
         assert self._code is not None
         self._code[1](*self._meetings)
 
-    def untangle(self, dt: float) -> None:
-        """Frees what runs through the other garment, after a step of dt [s]."""
+    def untangle(self, dt: float, rests: bool) -> None:
+        """Frees what runs through the other garment, after a step of dt [s].
+
+        Args:
+            dt: The step [s].
+            rests: Whether neither body nor air moved in it.
+        """
         of_outer, of_inner = self._meetings
-        self._untangled.part(dt, (of_inner, of_outer))
+        self._untangled.part(dt, rests, (of_inner, of_outer))
 
     def keep_inner_still(self, still: bool) -> None:
         """Whether only the outer garment gives way.

@@ -24,6 +24,8 @@ _LOOK_EVERY = 3
 """Steps between two looks for crossings where there were none."""
 _SPEED = 0.3
 """How fast what is through comes free [m/s]."""
+_RESTS = 1.0
+"""How long body and air rest before what is still through is left, and how long that takes [s]."""
 _SOFTNESS = 0.3
 """Gradients of a contour's length below this move by less than that; a border's is 1."""
 _ROOM = 4
@@ -60,6 +62,7 @@ class Untangled:
     def forget(self) -> None:
         """Look anew in the next step: the garments were put elsewhere."""
         self._steps = self.crossings = 0
+        self._rested = 0.0
 
     def keep_first_still(self, still: bool) -> None:
         """Whether only the second garment gives way."""
@@ -72,15 +75,20 @@ class Untangled:
         many = find_crossings(self._x, self._mesh, self._split, self._boxes, self._found)
         return min(many, len(self._found))
 
-    def part(self, dt: float, meetings: "tuple[Meeting, Meeting]") -> None:
+    def part(self, dt: float, rests: bool, meetings: "tuple[Meeting, Meeting]") -> None:
         """Shortens the contours after a step, but where they are on cloth that touches a shape.
 
         Args:
             dt: The step [s].
+            rests: Whether neither body nor air moved in it. What does not come free soon would
+                then shake for ever: each step moves it, and edges draw it back.
             meetings: What the order of layers knows of the first and of the second garment: a
                 shorter contour may lead particles away from their side, which is taken back.
         """
-        looks = self.crossings > 0 or self._steps % _LOOK_EVERY == 0
+        # Cloth that is settled is not at rest yet.
+        self._rested = self._rested + dt if rests and not self._first_is_still else 0.0
+        effort = min(max(2.0 - self._rested / _RESTS, 0.0), 1.0)
+        looks = (self.crossings > 0 and effort > 0.0) or self._steps % _LOOK_EVERY == 0
         self._steps += 1
         if not looks:
             return
@@ -101,9 +109,9 @@ class Untangled:
         # All of it in any case, so that it is compiled before it is needed.
         untangle(
             *(self._x, self._v, self._w, self._found, left),
-            *(np.float32(_SPEED * dt), np.float32(_SOFTNESS)),
+            *(np.float32(effort * _SPEED * dt), np.float32(_SOFTNESS)),
         )
         for (piece, part), meeting in zip(self._parts, meetings):
             keep_to_side(meeting, self._x[part], self._v[part])
-            if left:
+            if left and effort > 0.0:
                 piece.state.x[:], piece.state.v[:] = self._x[part], self._v[part]

@@ -106,6 +106,17 @@ class Planes(NamedTuple):
     place: SingleArray
     shift: SingleArray
 
+    @classmethod
+    def room_for(cls, free: int) -> "Planes":
+        """Arrays for so many free particles, none of which touches."""
+        return cls(
+            shape=np.full(free, -1, np.int32),
+            normal=np.zeros((free, 3), np.float32),
+            depth=np.zeros(free, np.float32),
+            place=np.zeros((free, 3), np.float32),
+            shift=np.zeros((free, 3), np.float32),
+        )
+
 
 class Bodies(NamedTuple):
     """What a search for contacts needs.
@@ -171,15 +182,16 @@ class Given(NamedTuple):
         own: See above.
         rule: Likewise.
         to_solve: For `sub_steps.solve`, but for the sub-steps.
-        to_meet: For `sub_steps.meet`, but for its last argument.
+        to_meet: For `sub_steps.meet`, but for its last argument: planes, second
+            planes, and shapes touched before.
     """
 
     step: Step
     path: Path
     own: Particles
     rule: Rule
-    to_solve: tuple[Particles, Elastic, Frames, Planes, Rule]
-    to_meet: tuple[Particles, Bodies, Prepared, Planes, Rule]
+    to_solve: tuple[Particles, Elastic, Frames, Planes, Planes, Rule]
+    to_meet: tuple[Particles, Bodies, Prepared, Planes, Planes, IntArray, Rule]
 
     def fits(self, step: Step) -> bool:
         """Whether it is for steps such as this one, however many sub-steps it has."""

@@ -84,11 +84,11 @@ def meet(piece: Piece, step: Step) -> None:
     assert workspace.code is not None
     assert workspace.given is not None
     given, has_planes = workspace.given, workspace.has_planes
-    own, bodies, ready, planes, rule = given.to_meet
-    workspace.contact_count = workspace.code[2](own, bodies, ready, planes, rule, has_planes)
+    own, bodies, _, planes, second, before, rule = given.to_meet
+    workspace.contact_count = workspace.code[2](*given.to_meet, has_planes)
     if len(bodies.guard.shape):
         workspace.code[3](own, bodies, rule, has_planes)
-    workspace.code[4](own, bodies.posed.carry, planes, rule)
+    workspace.code[4](own, bodies, planes, second, before, rule)
 
 
 def finish(piece: Piece) -> None:
@@ -96,7 +96,7 @@ def finish(piece: Piece) -> None:
     workspace = _workspace(piece)
     assert workspace.code is not None
     assert workspace.given is not None
-    own, bodies, ready, planes, rule = workspace.given.to_meet
+    own, bodies, ready, planes, _, _, rule = workspace.given.to_meet
     if rule.strain_limit > 0.0:
         workspace.code[5](own.x, ready.edges, planes, bodies.guard.kept, rule.strain_limit)
     workspace.x_end[:] = piece.state.x
@@ -129,8 +129,11 @@ def _given(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Given:
         path=step.colliders.path,
         own=own,
         rule=rule,
-        to_solve=(own, elastic, frames, planes, rule),
-        to_meet=(own, bodies, elastic.ready, planes, rule),
+        to_solve=(own, elastic, frames, planes, workspace.second, rule),
+        to_meet=(
+            *(own, bodies, elastic.ready, planes),
+            *(workspace.second, workspace.before, rule),
+        ),
     )
     workspace.all_given[step.search_every] = given
     if workspace.code is None:
@@ -139,7 +142,10 @@ def _given(piece: Piece, workspace: XpbdWorkspace, step: Step) -> Given:
             compiled(sub_steps.solve, *given.to_solve, 0, 1, True),
             compiled(sub_steps.meet, *given.to_meet, True),
             compiled(sub_steps.guard, own, bodies, rule, True),
-            compiled(sub_steps.stop, own, bodies.posed.carry, planes, rule),
+            compiled(
+                *(sub_steps.stop, own, bodies, planes),
+                *(workspace.second, workspace.before, rule),
+            ),
             compiled(
                 *(shorten_longest, own.x, elastic.ready.edges, planes, bodies.guard.kept),
                 rule.strain_limit,

@@ -25,6 +25,7 @@ from garment_sim_ros.sim.solvers.xpbd.planes import (
     stop_at_contacts,
     touch_planes,
 )
+from garment_sim_ros.sim.solvers.xpbd.second_planes import remember_second_planes
 from garment_sim_ros.sim.solvers.xpbd.strain_limit import SHAPES_MOVE, limit_strain
 from garment_sim_ros.sim.solvers.xpbd.triangles import solve_triangles, solve_triangles_apart
 
@@ -138,7 +139,7 @@ def _stretch(own, ready, rule, moved):
 
 
 @kernel()
-def solve(own, elastic, frames, planes, rule, first, last, searches):
+def solve(own, elastic, frames, planes, second, rule, first, last, searches):
     """Sub-steps `first` to `last` of a step, see `xpbd.step.solve`.
 
     Args:
@@ -146,6 +147,7 @@ def solve(own, elastic, frames, planes, rule, first, last, searches):
         elastic: `Elastic`.
         frames: `Frames`.
         planes: `Planes`.
+        second: Those of shapes that were touched before, see `second_planes`.
         rule: `Rule`.
         first: The first sub-step, from 0; 0 is taken alone.
         last: The one to stop before.
@@ -155,6 +157,7 @@ def solve(own, elastic, frames, planes, rule, first, last, searches):
     flat, moved = own.x.reshape(-1), own.x_predicted.reshape(-1)
     if first == 0 and own.flags[_KNOWN]:
         follow_shapes(own.x_search, planes.shape, frames.carry, planes.shift)
+        follow_shapes(own.x_search, second.shape, frames.carry, second.shift)
     for s in range(first, last):
         slot = s % rule.search_every
         if s % rule.bend_every == 0:
@@ -189,6 +192,7 @@ def solve(own, elastic, frames, planes, rule, first, last, searches):
         )
         if s + 1 < last or not searches:
             touch_planes(own.x[:free], own.v[:free], own.x_start[:free], planes, rule.friction, dt)
+            touch_planes(own.x[:free], own.v[:free], own.x_start[:free], second, rule.friction, dt)
 
 
 @kernel(inner=True)
@@ -203,7 +207,7 @@ def _leave_to_guard(shape, kept):
 
 
 @kernel()
-def meet(own, bodies, ready, planes, rule, has_planes):
+def meet(own, bodies, ready, planes, second, before, rule, has_planes):
     """A search for contacts at the end of a sub-step, and contact; `guard` and `stop` follow.
 
     Args:
@@ -211,6 +215,8 @@ def meet(own, bodies, ready, planes, rule, has_planes):
         bodies: `Bodies`.
         ready: `Prepared`.
         planes: `Planes`, output.
+        second: Those of shapes that were touched before.
+        before: Output, the shapes of these until now, -1 for none, shape [f].
         rule: `Rule`.
         has_planes: Whether there are those of the last search; what is deep below them gets back
             to them first.
@@ -222,9 +228,13 @@ def meet(own, bodies, ready, planes, rule, has_planes):
     x, v, x_start = own.x[:free], own.v[:free], own.x_start[:free]
     if has_planes:
         _leave_to_guard(planes.shape, bodies.guard.kept)
+        before[:] = planes.shape
         return_to_planes(
             x, v, x_start, planes, bodies.way.inscribed_radius, rule.held_friction, dt
         )
+    else:
+        before[:] = -1
+        second.shape[:] = -1
     sweep(
         bodies.shapes,
         bodies.since,
@@ -278,20 +288,24 @@ def guard(own, bodies, rule, has_planes):
 
 
 @kernel()
-def stop(own, carry, planes, rule):
+def stop(own, bodies, planes, second, before, rule):
     """Velocities after a search, and what is kept of it until the next one.
 
     Args:
         own: `Particles`.
-        carry: How points move with the shapes in the sub-step, see `PosedShapes`.
+        bodies: `Bodies`.
         planes: `Planes`, output.
+        second: Those of shapes that were touched before, output.
+        before: Shapes that were touched before the search, shape [f].
         rule: `Rule`.
     """
     free, dt = rule.free, rule.dt
     x, v, x_start = own.x[:free], own.v[:free], own.x_start[:free]
     stop_at_contacts(
-        x, v, x_start, own.x_predicted[:free], planes, carry, rule.friction, dt, own.motion
+        *(x, v, x_start, own.x_predicted[:free], planes, bodies.posed.carry),
+        *(rule.friction, dt, own.motion),
     )
-    remember_planes(x, x_start, planes, carry)
+    remember_planes(x, x_start, planes, bodies.posed.carry)
+    remember_second_planes(x, x_start, bodies, planes, second, before, rule.thickness)
     copy(own.x, own.x_search)
     glide(own.x_search, own.v, dt * np.float32(rule.search_every), own.x_coast)

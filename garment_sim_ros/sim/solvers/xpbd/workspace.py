@@ -15,7 +15,7 @@ from garment_sim_ros.sim.solvers.xpbd.coarse import (
     coarse_level,
     prepare_cells,
 )
-from garment_sim_ros.sim.solvers.xpbd.given import Given
+from garment_sim_ros.sim.solvers.xpbd.given import Given, Planes
 from garment_sim_ros.sim.solvers.xpbd.hinges import prepare_hinges
 from garment_sim_ros.sim.solvers.xpbd.order import in_fours
 from garment_sim_ros.sim.solvers.xpbd.prepared import Prepared, Triangles
@@ -57,6 +57,8 @@ class XpbdWorkspace(Workspace):
         bend_every: Sub-steps for each pass over the hinges, see `prepare`.
         place: Points of the planes in which particles touch shapes [m], shape [free, 3].
         shift: How far those move in a sub-step [m], shape [free, 3].
+        second: Planes of shapes that particles touched before, see `xpbd.second_planes`.
+        before: Scratch: shape that each particle touched before a search, shape [free].
         x_end: Positions at the end of the last step [m], shape [n, 3].
         wide_v: Scratch: velocities as fours, flat [m/s], shape [4 n].
         low: What these are short of by rounding [m], shape [3 free].
@@ -87,6 +89,8 @@ class XpbdWorkspace(Workspace):
     bend_every: int
     place: SingleArray
     shift: SingleArray
+    second: Planes
+    before: IntArray
     x_end: SingleArray
     wide_v: SingleArray
     low: SingleArray
@@ -133,6 +137,8 @@ class XpbdWorkspace(Workspace):
             bend_every=1,
             place=np.zeros((model.free_count, 3), np.float32),
             shift=np.zeros((model.free_count, 3), np.float32),
+            second=Planes.room_for(model.free_count),
+            before=np.full(model.free_count, -1, np.int32),
             x_end=np.full((len(model), 3), np.nan, np.float32),
             wide_v=np.zeros(4 * len(model), np.float32),
             low=np.zeros(3 * model.free_count, np.float32),
