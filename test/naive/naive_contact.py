@@ -266,8 +266,7 @@ def second_plane(
         shapes: All shapes.
         place: Where the particle is [m].
         touched: Shapes that it touches now, touched before, had a second plane of; -1 for none.
-        reach: How far off a shape may be, 0 for those that the particle has nothing to do with
-            [m], shape [m].
+        reach: How far off each shape may be [m], shape [m].
         thickness: Distance to keep from surfaces [m].
     """
     now, before, second = touched

@@ -182,8 +182,7 @@ class Given(NamedTuple):
         own: See above.
         rule: Likewise.
         to_solve: For `sub_steps.solve`, but for the sub-steps.
-        to_meet: For `sub_steps.meet`, but for its last argument: planes, second
-            planes, and shapes touched before.
+        to_meet: For `sub_steps.meet`, but for its last argument.
     """
 
     step: Step

@@ -215,7 +215,7 @@ def meet(own, bodies, ready, planes, second, before, rule, has_planes):
         bodies: `Bodies`.
         ready: `Prepared`.
         planes: `Planes`, output.
-        second: Those of shapes that were touched before.
+        second: Those of shapes that were touched before; none are kept without `has_planes`.
         before: Output, the shapes of these until now, -1 for none, shape [f].
         rule: `Rule`.
         has_planes: Whether there are those of the last search; what is deep below them gets back
