@@ -115,7 +115,8 @@ class Strained:
         pressed: Which are pressed from two sides, shape [n].
         kept: Which the guard keeps, shape [n].
         free: How many are not pinned: the first ones.
-        longest: Strain that no single edge is left with.
+        longest: Strain that no single edge is left with, if no way to it leads into surfaces.
+        utmost: Strain that it is not left with then, either.
     """
 
     edges: IntArray
@@ -126,6 +127,7 @@ class Strained:
     kept: NDArray[np.bool_]
     free: int
     longest: float
+    utmost: float
 
     def length(self, x: FloatArray) -> FloatArray:
         """Of each edge [m], shape [e]."""
@@ -181,19 +183,25 @@ def limit_strain(
 def shorten_longest(x: FloatArray, strained: Strained) -> FloatArray:
     """Positions [n, 3] after passes over edges that are longer than `longest`, if they are few.
 
-    The guard yields, and shapes that press a particle from two sides. Of edges at pins those are
-    left alone whose other end is in the air.
+    The guard yields, and shapes that press a particle from two sides; in the last ten passes, over
+    edges whose ends both touch and that are still longer than `utmost`, all do. Of edges at pins
+    those are left alone whose other end is in the air.
     """
     x = np.array(x, dtype=np.float64)
     yielding = dataclasses.replace(strained, pressed=strained.pressed | strained.kept)
     if not strained.are_single(x):
         return x
-    for _ in range(30):
+    longest = strained.longest
+    for n in range(40):
+        if n == 30:
+            yielding = dataclasses.replace(yielding, pressed=np.ones_like(strained.pressed))
+            longest = strained.utmost
         for e, (i, j) in enumerate(strained.edges):
-            to = (1.0 + strained.longest) * strained.rest_length[e]
-            in_the_air = np.isnan(strained.normal[min(i, j)]).any() or min(i, j) >= strained.free
+            to = (1.0 + longest) * strained.rest_length[e]
+            touch = [p < strained.free and not np.isnan(strained.normal[p]).any() for p in (i, j)]
             at_pin = max(i, j) >= strained.free
-            if np.linalg.norm(x[i] - x[j]) > to and not (at_pin and in_the_air):
+            moves = any(touch) or not at_pin if n < 30 else all(touch)
+            if np.linalg.norm(x[i] - x[j]) > to and moves:
                 weights = [strained.inverse_mass[p] for p in (i, j)]
                 yielding.draw(x, e, to, weights, True)
     return x

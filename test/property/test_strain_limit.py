@@ -15,6 +15,7 @@ from garment_sim_ros.sim.solvers.xpbd.strain_limit import (
     _CREEP,
     _EASES,
     _LONGEST,
+    _UTMOST,
     limit_strain,
     shorten_longest,
 )
@@ -78,6 +79,7 @@ def strained_cloth(cloth, seed, scale):
         kept=np.append(kept >= 0, pins),
         free=free,
         longest=_LONGEST,
+        utmost=_UTMOST,
     )
     planes = Planes(shape, normal.astype(np.float32), depth, empty, empty)
     return x, ready, planes, kept, strained
@@ -157,6 +159,44 @@ def test_a_single_edge_is_shortened_whatever_holds_its_ends(cloth, held, far):
     shorten_longest(x, ready, planes, kept, np.float32(0.3))
     strain = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) / length - 1.0
     assert strain.max() < _LONGEST + 0.05
+
+
+def test_an_edge_through_a_limb_is_shortened(cloth):
+    """Its ends touch a limb from two sides: no way along the surfaces leads together."""
+    rest, triangles = cloth.grid(20, 20)
+    edges = mesh_topology(triangles).edges
+    weight = np.ones(len(rest), np.float32)
+    ready, length = ready_edges(np.random.default_rng(0), edges, rest, weight)
+    x = rest.astype(np.float32)
+    middle = rest.mean(axis=0)
+    e = int(np.argmin(np.linalg.norm(rest[edges].mean(axis=1) - middle, axis=1)))
+    i, j = edges[e]
+    apart = (x[i] - x[j]) / length[e]
+    x[i] += 0.6 * length[e] * apart
+    x[j] -= 0.6 * length[e] * apart
+    shape = np.full(len(rest), -1, np.int32)
+    shape[[i, j]] = 0
+    normal = np.zeros((len(rest), 3), np.float32)
+    normal[i], normal[j] = apart, -apart
+    none = np.zeros((len(rest), 3), np.float32)
+    planes = Planes(shape, normal, none[:, 0].copy(), none, none)
+    nothing = np.zeros(len(rest), np.bool_)
+    strained = naive_xpbd.Strained(
+        edges=edges,
+        rest_length=length,
+        inverse_mass=weight,
+        normal=np.where((shape >= 0)[:, None], normal, np.nan),
+        pressed=nothing,
+        kept=nothing,
+        free=len(rest),
+        longest=_LONGEST,
+        utmost=_UTMOST,
+    )
+    expected = naive_xpbd.shorten_longest(x, strained)
+    shorten_longest(x, ready, planes, np.full(len(rest), -1, np.int32), np.float32(0.3))
+    np.testing.assert_allclose(x, expected, atol=2e-5)
+    strain = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) / length - 1.0
+    assert strain.max() < _UTMOST + 0.02
 
 
 def test_short_edges_are_left_alone(cloth):

@@ -13,8 +13,10 @@ which contact and this move to and fro, would be pumped.
 
 Single edges, where body parts close on cloth, would still be stretched to several times their
 length: each end is in the shape that the other one is pressed out of. To those that are longer
-than `_LONGEST` shapes yield, and after a step, when all else has acted, none is left longer. Where
-many are, the cloth itself is pulled: the guard, and `holds.letting_go`, tell how far.
+than `_LONGEST` shapes yield that press an end from two sides, and after a step, when all else has
+acted, none is left longer, but what ends on surfaces and would have to be drawn through them: that
+is left with `_UTMOST`. Where many are too long, the cloth itself is pulled: the guard, and
+`holds.letting_go`, tell how far.
 """
 
 import numpy as np
@@ -25,12 +27,15 @@ from garment_sim_ros.geometry.vectors import along, dot, less, row
 from garment_sim_ros.jit import kernel, lean_kernel
 
 _THREE = np.uint64(3)
-_PASSES, _LAST_PASSES = 10, 30
+_PASSES, _LAST_PASSES, _UTMOST_PASSES = 10, 30, 10
 _CREEP = 2.0
 """Edges that grow more slowly than this are left [1/s]: what contact moves against the limit would
 never rest."""
 _LONGEST = 0.9
-"""Strain that no single edge is left with [1]."""
+"""Strain that no single edge is left with [1], unless it is longer only by ways into surfaces."""
+_UTMOST = 0.97
+"""Strain that it is not left with then, either [1]: the ends of an edge may touch a limb from two
+sides. If surfaces yielded to shorter ones, cloth would not rest in creases."""
 _SINGLE = np.float32(0.01)
 """Up to this share of all edges, those that are longer are single ones."""
 _EASES = 2.0
@@ -212,8 +217,10 @@ def _touches(planes, kept, p):
 
 
 @lean_kernel(inner=True)
-def _shorten(x, edges, planes, kept, e, longest):
+def _shorten(x, edges, planes, kept, e, longest, on_surfaces):
     """Draws the ends of edge e together where it is longer than `longest`, squared.
+
+    Where `on_surfaces`, they go along those that they touch; else into them, if both touch one.
 
     Returns:
         Whether it was. An edge at a pin is not, where its other end is in the air.
@@ -229,16 +236,31 @@ def _shorten(x, edges, planes, kept, e, longest):
         return False
     if max(i, j) >= kept.size and not _touches(planes, kept, min(i, j)):
         return False
+    if not (on_surfaces or (_touches(planes, kept, i) and _touches(planes, kept, j))):
+        return False
     share = (np.float32(1.0) - np.sqrt(to / squared)) / (a + b)
     for p, part in ((i, -share * a), (j, share * b)):
         if p >= kept.size:
             continue
         way = (part * d[0], part * d[1], part * d[2])
-        if kept[p] < 0:
+        if on_surfaces and kept[p] < 0:
             way = _along_surface(planes, p, way, True)
         for axis in range(3):
             x[p, axis] += way[axis]
     return True
+
+
+@lean_kernel(inner=True)
+def _shorten_all(x, flat, edges, planes, kept, longest, on_surfaces):
+    """A pass of `_shorten` over all edges; returns whether there was one."""
+    found, count = False, edges.numbers.shape[1]
+    for e in range(0, count, 4):
+        if _are_short(flat, edges, e, longest):
+            continue
+        for k in range(e, min(e + 4, count)):
+            drawn = _shorten(x, edges, planes, kept, k, longest, on_surfaces)
+            found = found or drawn
+    return found
 
 
 @kernel()
@@ -253,17 +275,14 @@ def shorten_longest(x, edges, planes, kept, limit):
         limit: Strain that edges do not grow beyond.
     """
     longest = _squared(_longest(limit))
-    flat, count = x.reshape(-1), edges.numbers.shape[1]
+    utmost = max(_squared(np.float32(_UTMOST)), longest)
+    flat = x.reshape(-1)
     too_long = _count_longer(x, edges, longest)
     if too_long == 0 or not _are_single(too_long, edges):
         return
     for _ in range(_LAST_PASSES):
-        found = False
-        for e in range(0, count, 4):
-            if _are_short(flat, edges, e, longest):
-                continue
-            for k in range(e, min(e + 4, count)):
-                drawn = _shorten(x, edges, planes, kept, k, longest)
-                found = found or drawn
-        if not found:
-            break
+        if not _shorten_all(x, flat, edges, planes, kept, longest, True):
+            return
+    for _ in range(_UTMOST_PASSES):
+        if not _shorten_all(x, flat, edges, planes, kept, utmost, False):
+            return
