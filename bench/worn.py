@@ -305,8 +305,8 @@ def table(rows: list[dict]) -> str:
     lines = [
         "| body | outfit | variant | solver | clips | pierced in | worst share (clip) | mean "
         "| inside p99 | of one part | inside median | worst edge | edge p95 | jump | of what lies "
-        "| crossed p99 | hems lifted | skin shows p99 |",
-        "|---" * 18 + "|",
+        "| crossed p99 | hems lifted | skin shows p99 | creased p99 |",
+        "|---" * 19 + "|",
     ]
     for (body, outfit, variant, solver), group in sorted(groups.items()):
         share = "pierced_calm" if variant in ("15hz", "stalls") else "pierced"
@@ -334,6 +334,7 @@ def table(rows: list[dict]) -> str:
             f"{100 * most['crossed_p99']:.2f} %",
             f"{100 * most['lifted']:.0f} %",
             f"{100 * most.get('skin_shows_p99', float('nan')):.2f} %",
+            f"{100 * most.get('creased_p99', float('nan')):.2f} %",
         ]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"

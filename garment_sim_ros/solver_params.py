@@ -44,7 +44,7 @@ class RelaxationSettings:
         True,
         "What the papers do not have: garments that are worn over each other are kept apart, "
         "those that limbs stay in are wound back, and cloth is shown over the shapes between its "
-        "particles, too.",
+        "particles, too, with round creases.",
     )
 
 

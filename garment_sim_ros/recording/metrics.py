@@ -6,7 +6,9 @@ since cloth may cut through skin between its particles. Cloth outside of the ski
 wrong side of a part that it is worn over, penetrates by its distance (see `own_sides`). `inside`
 is the share of a garment's area that is deeper than 2 mm in the skin: percentiles of the depth
 cannot see a patch of half a percent. `crossed` is the share of a garment's edges that run through
-another garment: one that shows through the one worn over it.
+another garment: one that shows through the one worn over it. `creased` is the share of its edges
+at which two triangles turn by over 90 degrees: cloth that is bunched more finely than its mesh can
+show looks torn there.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +21,7 @@ from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.crossings import find_hits
 from garment_sim_ros.geometry.locality import near_together
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
-from garment_sim_ros.geometry.topology import mesh_topology, vertex_normals
+from garment_sim_ros.geometry.topology import hinge_vertices, mesh_topology, vertex_normals
 from garment_sim_ros.geometry.triangles import triangle_areas
 from garment_sim_ros.recording.own_sides import OwnSides
 
@@ -39,6 +41,7 @@ class GarmentMesh:
         rest_area: Areas of the triangles at rest [m^2], shape [t].
         samples_of_triangle: Which `samples` lie on each triangle, shape [t, 7].
         near: The triangles in an order in which those in a row are near each other, shape [t, 3].
+        hinges: Pairs of triangles at an edge: its ends, then the other corners, shape [h, 4].
     """
 
     vertices: int
@@ -48,6 +51,7 @@ class GarmentMesh:
     rest_area: FloatArray
     samples_of_triangle: IntArray
     near: IntArray
+    hinges: IntArray
 
     @classmethod
     def from_rest(cls, vertices: FloatArray, triangles: IntArray) -> "GarmentMesh":
@@ -69,6 +73,7 @@ class GarmentMesh:
             rest_area=triangle_areas(vertices, triangles),
             samples_of_triangle=np.concatenate([triangles, v + side, v + e + middle], axis=1),
             near=near_together(vertices, triangles),
+            hinges=hinge_vertices(triangles),
         )
 
     def samples(self, x: FloatArray) -> FloatArray:
@@ -93,6 +98,12 @@ class GarmentMesh:
     def strain(self, x: FloatArray) -> FloatArray:
         """Extension of the edges, as a fraction of their rest length, shape [e]."""
         return _lengths(x, self.edges) / self.rest_length - 1.0
+
+    def creased(self, x: FloatArray) -> float:
+        """Share of the edges between two triangles at which these turn by over 90 degrees."""
+        a, b, c, d = np.moveaxis(x[self.hinges], 1, 0)
+        turn = np.einsum("hi,hi->h", np.cross(b - a, c - a), np.cross(d - a, b - a))
+        return float(np.mean(turn < 0.0)) if len(turn) else 0.0
 
 
 class ClothMeter:
@@ -121,6 +132,7 @@ class ClothMeter:
         self._inside: list[float] = []
         self._shows: list[float] = []
         self._crossed: list[float] = []
+        self._creased: list[float] = []
         self._finite = True
 
     def add(self, skin: FloatArray, garments: Mapping[str, FloatArray]) -> None:
@@ -150,6 +162,7 @@ class ClothMeter:
             self._penetration.append(depth.astype(np.float32))
             self._gap.append(distance[: len(x)].astype(np.float32))
             self._strain.append(mesh.strain(x).astype(np.float32))
+            self._creased.append(mesh.creased(x))
             for other, y in garments.items():
                 if other != name and np.isfinite(y).all():
                     self._crossed.append(crossed(mesh, x, self._garments[other], y))
@@ -163,6 +176,7 @@ class ClothMeter:
             "inside_median": _statistic([np.array(self._inside, np.float32)], 50.0, 1.0),
             "skin_shows_p99": _statistic([np.array(self._shows, np.float32)], 99.0, 1.0),
             "crossed_p99": _statistic([np.array(self._crossed, np.float32)], 99.0, 1.0),
+            "creased_p99": _statistic([np.array(self._creased, np.float32)], 99.0, 1.0),
             "gap_mm_median": _statistic(self._gap, 50.0, 1e3),
             "strain_p95": _statistic(self._strain, 95.0, 1.0),
             "strain_max": _statistic(self._strain, 100.0, 1.0),

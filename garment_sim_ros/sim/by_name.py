@@ -98,8 +98,9 @@ class ByName:
     def positions(self, name: str, out: SingleArray | None = None) -> SingleArray:
         """World positions of a garment's vertices in file order [m], shape [v, 3].
 
-        They are as shown: over the shapes between particles, too (`over_shapes`), and for some
-        tenths of a second on the way where it was wound back. `state` is what is simulated.
+        They are as shown: over the shapes between particles, too, with round creases (`aside`),
+        and for some tenths of a second on the way where it was wound back. `state` is what is
+        simulated.
 
         Without `out`, an array that the next call for this garment overwrites.
         """

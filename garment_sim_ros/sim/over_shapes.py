@@ -9,17 +9,15 @@ touch would take twice the time.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, SingleArray
 from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.contact.distance import shape_distance
-from garment_sim_ros.geometry.vectors import along, dot, length, less, plus, row
+from garment_sim_ros.geometry.vectors import along, dot, less, plus, row
 from garment_sim_ros.jit import lean_kernel
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.detail.surface import Surface
 from garment_sim_ros.sim.model import ClothModel
-from garment_sim_ros.sim.motion import to_file_order
 
 _CLEAR = 0.5
 """The middle of a triangle, or a vertex between particles, keeps so much of the thickness."""
@@ -28,14 +26,9 @@ _DEEP = 0.25
 showing."""
 _LONG = 95.0
 """Percentile of the edges at rest that is long."""
-_STRETCHED = 1.7
-"""What lengthens an edge that is so many times as long as at rest is no matter of showing."""
-_PASSES = 2
-"""Vertices that are let down leave others lifted apart from them."""
 _BACK = 0.1
 """Time in which a vertex that need not be lifted any more comes down to a third [s]."""
 _ZERO, _FAR = np.float32(0.0), np.float32(np.inf)
-_NOWHERE = np.zeros(3)
 
 
 class OverShapes:
@@ -44,26 +37,21 @@ class OverShapes:
     Args:
         model: What of it is simulated.
         surface: All its vertices over those; None where they are the same.
-        rest: Its vertices at rest [m], shape [v, 3].
 
     Attributes:
         lift: What each vertex is off its place [m], shape [v, 3].
     """
 
-    def __init__(self, model: ClothModel, surface: Surface | None, rest: FloatArray) -> None:
-        self._model, self._surface = model, surface
+    def __init__(self, model: ClothModel, surface: Surface | None) -> None:
+        self._surface = surface
         self._triangles = model.triangles if surface is None else surface.triangles
         count = len(model) if surface is None else len(surface)
-        self.lift, self._asked, self._x = (np.zeros((count, 3), np.float32) for _ in range(3))
-        self._left: NDArray[np.bool_] = np.zeros(count, np.bool_)
+        self.lift, self._asked = (np.zeros((count, 3), np.float32) for _ in range(2))
         self._particle = model.particle
         if surface is not None:
             self._corner = np.ascontiguousarray(model.particle[surface.corner], np.int32)
-            self._simulated: SingleArray = np.zeros((len(model), 3), np.float32)
-        self._deep = np.float32(
-            _DEEP * np.percentile(_sides(model.rest[model.particle_triangles]), _LONG)
-        )
-        self._most = (_STRETCHED * _sides(rest[self._triangles])).astype(np.float32)
+        sides = side_lengths(model.rest[model.particle_triangles])
+        self._deep = np.float32(_DEEP * np.percentile(sides, _LONG))
 
     def look(
         self,
@@ -76,8 +64,8 @@ class OverShapes:
         """Finds where cloth is to be seen.
 
         Args:
-            x: Positions of the particles [m], shape [n, 3].
-            contacts: What the last search found for them.
+            x: Positions of the vertices [m], shape [v, 3].
+            contacts: What the last search found for the particles.
             colliders: The shapes, posed.
             thickness: What particles keep from them [m].
             time: Since the last look [s].
@@ -87,23 +75,17 @@ class OverShapes:
         clear = np.float32(_CLEAR * thickness)
         met = contacts, colliders.shapes, colliders.posed, clear, self._deep, self._asked
         if self._surface is None:
-            to_file_order(x, self._model.vertex, _NOWHERE, self._x)
-            lift_triangles(self._x, self._triangles, self._particle, *met)
+            lift_triangles(x, self._triangles, self._particle, *met)
         else:
-            to_file_order(x, self._model.vertex, _NOWHERE, self._simulated)
-            self._surface.follow(self._simulated, _NOWHERE, self._x)
-            lift_vertices(self._x, self._corner, *met)
+            lift_vertices(x, self._corner, *met)
         come_down(self.lift, self._asked, np.float32(math.exp(-time / _BACK)))
-        for _ in range(_PASSES):
-            if not leave_creases(self._x, self._triangles, self._most, self._left, self.lift):
-                break
 
     def forget(self) -> None:
         """Shows all in its place until the next look."""
         self.lift[:] = 0.0
 
 
-def _sides(corners: FloatArray) -> FloatArray:
+def side_lengths(corners: FloatArray) -> FloatArray:
     """Lengths of the sides of triangles [m], from each corner to the next, shape [t, 3]."""
     found: FloatArray = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
     return found
@@ -189,42 +171,6 @@ def come_down(lift, asked, keep):
         if dot(now, now) < keep * keep * dot(before, before):
             now = keep * before[0], keep * before[1], keep * before[2]
         lift[v, 0], lift[v, 1], lift[v, 2] = now
-
-
-@lean_kernel()
-def leave_creases(x, triangles, most, left, lift):
-    """Lets down what would lengthen an edge that is stretched, as between thigh and belly.
-
-    Where two parts of a body close on cloth there is no place over both.
-
-    Args:
-        x: Positions of the vertices [m], shape [v, 3].
-        triangles: The mesh, shape [t, 3].
-        most: Length from which on each side is stretched, from its corner to the next [m],
-            shape [t, 3].
-        left: Scratch, shape [v].
-        lift: What each vertex is lifted by, changed in place [m], shape [v, 3].
-
-    Returns:
-        Whether there was any.
-    """
-    found = False
-    for v in range(left.size):
-        left[v] = False
-    for t in range(triangles.shape[0]):
-        for k in range(3):
-            a, b = triangles[t, k], triangles[t, k - 2]
-            apart = less(row(lift, a), row(lift, b))
-            if dot(apart, apart) > _ZERO:
-                edge = less(row(x, a), row(x, b))
-                longer = length(plus(edge, apart))
-                if longer > most[t, k] and longer > length(edge):
-                    left[a] = left[b] = found = True
-    if found:
-        for v in range(left.size):
-            if left[v]:
-                lift[v, 0], lift[v, 1], lift[v, 2] = _ZERO, _ZERO, _ZERO
-    return found
 
 
 @lean_kernel(inner=True)

@@ -169,7 +169,7 @@ class Simulation(ByName):
         self._at.assign(poses)
         for worn in self._worn.values():
             worn.health.settling_steps = self._settle(worn) if settle else 0
-            worn.watch(self._colliders, self.solver_step, math.inf, over=self._extras)
+            worn.watch(self._colliders, self.solver_step, math.inf, aside=self._extras)
         self._rewinding.begin(poses)
         for pair in self._entangled:
             pair.begin()
@@ -340,7 +340,7 @@ class Simulation(ByName):
         """Takes readings after so many steps of dt [s]."""
         for worn in self._worn.values():
             worn.health.steps += steps
-            worn.watch(self._colliders, dt, steps * dt, over=self._extras)
+            worn.watch(self._colliders, dt, steps * dt, aside=self._extras)
             worn.health.tangled = 0
         for outer, pairs in self._under.items():
             for inner, pair in pairs:

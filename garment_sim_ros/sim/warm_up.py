@@ -15,9 +15,9 @@ from garment_sim_ros.contact.kinds import KINDS
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet, frame_of
 from garment_sim_ros.geometry.sheet import sheet
 from garment_sim_ros.params import Material
+from garment_sim_ros.sim.aside import Aside
 from garment_sim_ros.sim.detail.surface import itself
 from garment_sim_ros.sim.model import Parameters
-from garment_sim_ros.sim.over_shapes import OverShapes
 from garment_sim_ros.sim.placement import GarmentLike, SoftAttachments
 from garment_sim_ros.sim.simulation import Simulation
 
@@ -119,7 +119,8 @@ def warm_up(scene: Scene, solver: str = "xpbd", parameters: Parameters | None = 
     simulation.advance(near, near, 2.5 * simulation.solver_step)
     for view in simulation:
         worn, rest = view.worn, view.garment.vertices
-        worn.over = OverShapes(worn.model, itself(rest, view.triangles), rest)
+        surface = itself(rest, view.triangles)
+        worn.aside = Aside(worn.model, surface, rest, np.zeros(0, np.int32))
     simulation.advance(far, far)
     simulation.transport(far, near)
     for name in simulation.names:

@@ -10,6 +10,7 @@ from garment_sim_ros.contact.guard.guard import Guard
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.sim.aside import Aside
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.detail.coarser import coarser, fewest
 from garment_sim_ros.sim.detail.surface import Surface
@@ -23,7 +24,6 @@ from garment_sim_ros.sim.holds.stitching import Stitching
 from garment_sim_ros.sim.model import ClothModel, build_model
 from garment_sim_ros.sim.motion import measure_motion, move_pins, shift, to_file_order
 from garment_sim_ros.sim.on_its_way import OnItsWay
-from garment_sim_ros.sim.over_shapes import OverShapes
 from garment_sim_ros.sim.piece import Piece
 from garment_sim_ros.sim.placement import (
     Frames,
@@ -61,7 +61,7 @@ class Worn(Piece):
         letting_go: Releases overstretched cloth from colliders that should only brush the
             garment; None where there are none.
         on_its_way: What it is shown off its place where it was wound back.
-        over: What it is shown off its place to lie over the shapes.
+        aside: What it is shown off its place to lie over the shapes, with round creases.
         x_world: World positions of its vertices in file order [m], shape [v, 3].
         normal: Their unit normals, shape [v, 3].
         x_simulated: Scratch: those that are simulated, shape [n, 3].
@@ -78,7 +78,7 @@ class Worn(Piece):
     places: SkinPlaces | None
     letting_go: LettingGo | None
     on_its_way: OnItsWay
-    over: OverShapes
+    aside: Aside
     x_world: SingleArray
     normal: SingleArray
     x_simulated: SingleArray
@@ -153,7 +153,12 @@ class Worn(Piece):
             places=places,
             letting_go=LettingGo(model, workspace.sides) if garment.passed_by else None,
             on_its_way=OnItsWay(garment),
-            over=OverShapes(model, surface, given.vertices if given.rest is None else given.rest),
+            aside=Aside(
+                model,
+                surface,
+                given.vertices if given.rest is None else given.rest,
+                np.asarray(given.pins, np.int32),
+            ),
             constraints=_constraints(garment, places, model, workspace),
             x_world=np.zeros((len(given.vertices), 3), np.float32),
             normal=np.zeros((len(given.vertices), 3), np.float32),
@@ -249,7 +254,7 @@ class Worn(Piece):
         else:
             out = np.empty((len(self.surface), 3), np.float32) if out is None else out
             self.surface.follow(self.seen(_NOWHERE, self.x_simulated), origin, out)
-        out += self.over.lift
+        out += self.aside.off
         return out
 
     def seen(self, origin: FloatArray, out: SingleArray | None = None) -> SingleArray:
@@ -297,17 +302,17 @@ class Worn(Piece):
         self.state.v[free:] = 0.0
         self.good.assign(self.state)
         self.on_its_way.end()
-        self.over.forget()
+        self.aside.forget()
         self._forget()
 
-    def watch(self, colliders: ColliderState, dt: float, time: float, *, over: bool) -> None:
+    def watch(self, colliders: ColliderState, dt: float, time: float, *, aside: bool) -> None:
         """Takes readings after several steps and mends what layers broke; what is shown follows.
 
         Args:
             colliders: The colliders.
             dt: Length of the last step [s].
             time: Of all of them [s]; infinite where the garment was put on.
-            over: Whether it is shown over the shapes.
+            aside: Whether it is shown off its place.
         """
         self.check(dt)
         health = self.health
@@ -322,11 +327,11 @@ class Worn(Piece):
         health.let_go = 0 if self.letting_go is None else self.letting_go.count
         if self.on_its_way.left > 0.0:
             self.on_its_way.go(time, self.frames.world(colliders.end))
-        if over:
+        if aside:
             keep = max(self.model.material.thickness, colliders.thickness)
-            self.over.look(self.state.x, self.workspace.contacts, colliders, keep, time)
+            self.aside.look(self.state.x, self.workspace.contacts, colliders, keep, time)
         else:
-            self.over.forget()
+            self.aside.forget()
 
 
 def _simulated(

@@ -219,4 +219,6 @@ class Run:
     def by_name(self) -> dict[str, FloatArray]:
         """World positions of all garments [m], shape [v, 3] each."""
         names = self.simulation.names
-        return {n: self.simulation.positions(n).astype(np.float64) for n in names}
+        # What is simulated: shown are creases round, which makes short edges shorter.
+        origin = self.simulation.origin
+        return {n: self.simulation[n].worn.seen(origin).astype(np.float64) for n in names}

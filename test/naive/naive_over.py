@@ -46,3 +46,36 @@ def lift_vertices(x, corner, shape, depth, shapes, clear, deep):
         if len(own) and touches(shape[own], depth[own]):
             lift[v] = way_out(shapes, shape[own], x[v], clear, deep)
     return lift
+
+
+def cosines(x, triangles):
+    """Least cosine between a vertex's normal and those of its triangles, shape [v]."""
+    normal = np.cross(
+        x[triangles[:, 1]] - x[triangles[:, 0]], x[triangles[:, 2]] - x[triangles[:, 0]]
+    )
+    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    found = np.ones(len(x))
+    for v in range(len(x)):
+        around = normal[(triangles == v).any(axis=1)]
+        if len(around):
+            middle = around.sum(axis=0)
+            found[v] = (around @ middle).min() / np.linalg.norm(middle)
+    return found
+
+
+def round_creases(x, triangles, rest, held, bent, sharp):
+    """Where vertices are seen, shape [v, 3]: those that turn more sharply than at rest move."""
+    sides = [tuple(sorted((t[k], t[k - 2]))) for t in triangles.tolist() for k in range(3)]
+    border = {side for side in sides if sides.count(side) == 1}
+    at_border = {v for side in border for v in side}
+    begin = np.minimum(bent, cosines(rest, triangles))
+    weight = 0.5 * np.clip((begin - cosines(x, triangles)) / (bent - sharp), 0.0, 1.0)
+    x = x.copy()
+    for _ in range(3):
+        before = x.copy()
+        for v in set(range(len(x))) - set(held):
+            those = border if v in at_border else set(sides)
+            near = [a + b - v for a, b in those if v in (a, b)]
+            if near:
+                x[v] += weight[v] * (before[near].mean(axis=0) - before[v])
+    return x

@@ -123,7 +123,7 @@ def hung(simulation, *factors):
     model, state = simulation.model("cloth"), simulation.state("cloth")
     state.x[:] = model.rest * np.array(factors) - simulation.origin
     state.v[:] = 0.0
-    simulation["cloth"].worn.over.forget()  # what contact asked for where it was
+    simulation["cloth"].worn.aside.forget()  # what contact asked for where it was
 
 
 def to_one_point(simulation, _):

@@ -31,7 +31,7 @@ def test_hardly_any_skin_shows_through_a_skirt(data_file, body, detail, most):
         simulation.step(poses, dt=1 / 60)
         if n % 3 == 0:
             x = {name: simulation.positions(name).astype(np.float64) for name in meshes}
-            off = {name: simulation[name].worn.over.lift for name in meshes}
+            off = {name: simulation[name].worn.aside.off for name in meshes}
             vertices = skin.vertices(poses)
             shown.add(vertices, x)
             simulated.add(vertices, {name: x[name] - off[name] for name in meshes})

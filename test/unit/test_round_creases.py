@@ -1,0 +1,157 @@
+"""Creases are shown round."""
+
+import numpy as np
+import pytest
+from naive import naive_over
+from particles import simulated
+
+import garment_sim_ros as gs
+from garment_sim_ros.contact.contacts import Contacts
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses
+from garment_sim_ros.recording.metrics import GarmentMesh
+from garment_sim_ros.sim.colliders import ColliderState
+from garment_sim_ros.sim.round_creases import _BENT, _SHARP, RoundCreases
+from garment_sim_ros.sim.simulation import Simulation
+
+NONE = np.zeros(0, np.int32)
+
+
+def creased(x, triangles):
+    """Share of the edges at which triangles turn by over 90 degrees."""
+    return GarmentMesh.from_rest(x, triangles).creased(np.asarray(x, float))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_as_the_twin(cloth, seed):
+    """A sheet, or one that is creased at rest, whose vertices are moved by half an edge."""
+    rng = np.random.default_rng(seed)
+    rest, triangles = cloth.grid(9, 8, 0.02)
+    rest[:, 2] = (0.0, 0.02)[seed % 2] * (np.arange(len(rest)) % 2)
+    held = rng.choice(len(rest), 5, replace=False).astype(np.int32)
+    x = (rest + 0.007 * rng.normal(size=rest.shape)).astype(np.float32)
+    expected = naive_over.round_creases(
+        *(x.astype(float), triangles, rest.astype(np.float32).astype(float)),
+        *(held.tolist(), _BENT, _SHARP),
+    )
+    before = x.copy()
+    RoundCreases(triangles, rest, held).round(x)
+    np.testing.assert_allclose(x, expected, atol=1e-6)
+    assert (x[held] == before[held]).all()
+    moved = (x != before).any(axis=1)
+    assert 0.2 * len(x) < moved.sum() < len(x)
+
+
+def test_a_zigzag_is_shown_smooth_and_what_is_flat_as_it_is(cloth):
+    rest, triangles = cloth.grid(12, 12, 0.02)
+    creases = RoundCreases(triangles, rest, NONE)
+    bent = rest.copy()
+    bent[:, 2] = 0.1 * np.sin(10.0 * rest[:, 0])  # by 45 degrees, over 30 cm
+    x = bent.astype(np.float32)
+    creases.round(x)
+    assert (x == bent.astype(np.float32)).all()
+    rows = np.arange(len(rest)) // 12
+    zigzag = bent.copy()
+    zigzag[:, 2] += np.where((rows % 2 == 1) & (rows > 3) & (rows < 9), 0.03, 0.0)
+    x = zigzag.astype(np.float32)
+    assert creased(x, triangles) > 0.05
+    creases.round(x)
+    assert creased(x, triangles) == 0.0
+    np.testing.assert_allclose(x[:24], bent[:24], atol=1e-6)  # far from it
+
+
+def test_what_is_sharp_at_rest_stays(cloth):
+    """Pleats of a right angle and more, as they were made, and somewhere else."""
+    rest, triangles = cloth.grid(10, 10, 0.02)
+    rest[:, 2] = 0.03 * ((np.arange(len(rest)) // 10) % 2)
+    assert creased(rest, triangles) > 0.2
+    creases = RoundCreases(triangles, rest, NONE)
+    x = rest.astype(np.float32)
+    creases.round(x)
+    assert (x == rest.astype(np.float32)).all()
+
+
+def test_borders_go_along_themselves(cloth):
+    """A straight hem stays where it is, whatever is crumpled beside it."""
+    rest, triangles = cloth.grid(10, 10, 0.02)
+    x = rest.astype(np.float32)
+    inner = (rest > rest.min(axis=0) + 0.01).all(axis=1, where=[True, True, False])
+    inner &= (rest < rest.max(axis=0) - 0.01).all(axis=1, where=[True, True, False])
+    x[inner, 2] += 0.03 * (np.arange(100) % 2)[inner]
+    before = x.copy()
+    RoundCreases(triangles, rest, NONE).round(x)
+    corner = (np.abs(rest[:, :2]) > np.abs(rest[:, :2]).max(axis=0) - 0.001).all(axis=1)
+    np.testing.assert_allclose(x[~inner & ~corner], before[~inner & ~corner], atol=1e-6)
+    assert (x[inner] != before[inner]).any()
+
+
+def test_nothing_is_shown_in_a_shape_that_it_or_a_neighbour_touches(cloth):
+    """On a ball: one vertex touches, one is pressed from two sides, the others are in the air."""
+    rest, triangles = cloth.grid(3, 3, 0.02)
+    ball = Collider(name="ball", kind="sphere", bone="bone", geometry={"radius": 0.05})
+    colliders = ColliderState.of(cloth.colliders(ball))
+    colliders.pose()
+    place = rest.astype(np.float32)
+    place[:, 2] = 0.05
+    place[4, 2] += 0.02  # the middle is the tip of a cone, three of its neighbours another one's
+    place[[1, 3], 2] -= 0.03
+    contacts = Contacts.room_for(9, 1)
+    contacts.shape[:] = -1
+    contacts.shape[[0, 2, 4]] = 0
+    contacts.normal[:] = 0.0, 0.0, 1.0
+    contacts.depth[:] = 0.0
+    contacts.depth[2] = np.inf
+    creases = RoundCreases(triangles, rest, NONE)
+    x = place.copy()
+    creases.round(x)
+    rounded = x.copy()
+    moved = (rounded != place).any(axis=1)
+    assert moved[[1, 3, 4]].all()
+    assert rounded[4, 2] < place[4, 2]
+    clear = 0.001
+    assert np.linalg.norm(rounded[[1, 3]], axis=1).min() < 0.05
+    creases.stay_outside(x, place, np.arange(9, dtype=np.int32), contacts, colliders, clear)
+    np.testing.assert_allclose(x[4], [*rounded[4, :2], place[4, 2]], atol=1e-7)
+    np.testing.assert_array_equal(x[2], place[2])
+    far = np.linalg.norm(rounded.astype(float), axis=1)
+    for v in (1, 3):
+        out = max(0.05 + clear - far[v], 0.0) / far[v]
+        np.testing.assert_allclose(x[v], (1.0 + out) * rounded[v], atol=1e-6)
+
+
+def test_what_is_seen_changes_nothing_that_is_simulated_and_papers_do_without(cloth):
+    vertices, triangles = cloth.grid(8, 8, 0.02)
+    x, off = [], []
+    for extras in (False, True):
+        garment = cloth.garment(vertices, triangles, pins=[0, 7])
+        simulation = Simulation((garment,), cloth.colliders(), solver="relaxation", extras=extras)
+        poses = ColliderPoses.identity(1)
+        simulation.reset(poses, settle=False)
+        pleats = vertices * [0.5, 1.0, 1.0]  # of edges that are as long as at rest
+        pleats[:, 2] = 0.02 * np.sqrt(0.75) * (np.arange(64) // 8 % 2)
+        simulation["cloth"].worn.place(pleats, simulation.collider_state)
+        simulation.advance(poses, poses, 1e-4)
+        x.append(simulation.state("cloth").x.copy())
+        off.append(simulation.positions("cloth") - simulated(simulation))
+    assert not off[0].any()
+    assert np.abs(off[1]).max() > 1e-3
+    np.testing.assert_array_equal(off[1][[0, 7]], 0.0)
+    np.testing.assert_array_equal(x[0], x[1])
+
+
+@pytest.mark.parametrize("detail", [1.0, 0.25])
+def test_a_shirt_on_raised_arms_does_not_look_torn(data_file, detail):
+    avatar = gs.Avatar.load("mannequin")
+    outfit = avatar.dress("tshirt_short_skirt")
+    simulation = gs.Simulation(outfit, avatar.colliders, detail=detail)
+    meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in outfit.garments}
+    shown, before = [], []
+    clip = gs.load_clip(data_file("mocap", "cmu_14_14_jumping_jacks_30fps.bvh"))
+    for n, poses in enumerate(avatar.play(clip, rate=60)):
+        if n == 120:
+            break
+        simulation.step(poses, dt=1 / 60)
+        x = simulation.positions("tshirt").astype(np.float64)
+        shown.append(meshes["tshirt"].creased(x))
+        before.append(meshes["tshirt"].creased(x - simulation["tshirt"].worn.aside.off))
+    assert np.percentile(before, 95) > 0.02 * detail
+    assert np.percentile(shown, 95) < 0.4 * np.percentile(before, 95)
