@@ -43,6 +43,9 @@ class Aside:
         self, model: ClothModel, surface: Surface | None, rest: FloatArray, held: IntArray
     ) -> None:
         self._model, self._surface, self._particle = model, surface, model.particle
+        if surface is not None:
+            nearest = surface.share.argmax(axis=1)
+            self._particle = model.particle[surface.corner[np.arange(len(surface)), nearest]]
         self._triangles = model.triangles if surface is None else surface.triangles
         self._creases = RoundCreases(self._triangles, rest, held)
         self.over = OverShapes(model, surface)
@@ -59,6 +62,7 @@ class Aside:
         self,
         x: SingleArray,
         contacts: Contacts,
+        kept: IntArray,
         colliders: ColliderState,
         thickness: float,
         time: float,
@@ -68,6 +72,7 @@ class Aside:
         Args:
             x: Positions of the particles [m], shape [n, 3].
             contacts: What the last search found for them.
+            kept: What the guard keeps of the free ones, see `Guard`, shape [f].
             colliders: The shapes, posed.
             thickness: What particles keep from them [m].
             time: Since the last look [s].
@@ -79,6 +84,7 @@ class Aside:
             self._surface.follow(self._simulated, _NOWHERE, self._place)
         self._x[:] = self._place
         self._creases.round(self._x)
+        self._creases.stay_where_kept(self._x, self._place, self._particle, kept)
         if self._surface is None:
             self._creases.stay_outside(
                 *(self._x, self._place, self._particle, contacts, colliders),

@@ -20,10 +20,11 @@ from garment_sim_ros.jit import compiled, lean_kernel
 from garment_sim_ros.sim.colliders import ColliderState
 
 _BENT, _SHARP = 0.7, 0.4
-"""Cosine of the angle between a vertex's normal and that of one of its triangles from which on
-the vertex moves, and at which it goes all the way; two triangles that turn by twice that angle."""
+"""Cosines of the angle between the normals of a vertex and of a triangle around it: below the
+first one the vertex moves, at the second one as far as vertices go. Two triangles turn by twice
+that angle against each other."""
 _WAY = 0.5
-"""All the way: so much of that to the middle of the neighbours, in each pass."""
+"""How far vertices go in a pass, as a share of the way to the middle of their neighbours."""
 _PASSES = 3
 _ZERO = np.float32(0.0)
 
@@ -61,6 +62,22 @@ class RoundCreases:
         self._count = list_bent(self._cosine, self._bent, self._start, self._weight, self._listed)
         move_to_neighbours(
             *(x, self._start, self._neighbour, self._weight, self._listed, self._count, self._to),
+        )
+
+    def stay_where_kept(
+        self, x: SingleArray, place: SingleArray, particle: IntArray, kept: IntArray
+    ) -> None:
+        """Takes back what moved vertices that the guard keeps, or beside those.
+
+        Args:
+            x: As `round` moved them, changed in place [m], shape [v, 3].
+            place: As they were before [m], shape [v, 3].
+            particle: The particle that each vertex is, or is nearest to, shape [v].
+            kept: What the guard keeps of the free ones, see `Guard`, shape [f].
+        """
+        stay_where_kept(
+            *(x, place, particle, kept),
+            *(self._start, self._neighbour, self._listed, self._count),
         )
 
     def stay_outside(
@@ -201,6 +218,32 @@ def move_to_neighbours(x, start, neighbour, weight, listed, count, to):
         for n in range(count):
             v = listed[n]
             x[v, 0], x[v, 1], x[v, 2] = row(to, n)
+
+
+@lean_kernel()
+def stay_where_kept(x, place, particle, kept, start, neighbour, listed, count):
+    """Takes back what moved vertices that the guard keeps, or beside those.
+
+    Limbs are close to these: what is shown elsewhere may be through one.
+
+    Args:
+        x: Positions of the vertices, changed in place [m], shape [v, 3].
+        place: What they were before [m], shape [v, 3].
+        particle: The particle that each vertex is, or is nearest to, shape [v].
+        kept: What the guard keeps of the free ones, -1 for nothing, shape [f].
+        start: Where each one's neighbours begin, shape [v + 1].
+        neighbour: Neighbours, shape [any].
+        listed: Those that were moved, the first `count`, shape [v].
+        count: How many were.
+    """
+    for n in range(count):
+        v = listed[n]
+        stays = particle[v] < kept.size and kept[particle[v]] >= 0
+        for k in range(start[v], start[v + 1]):
+            p = particle[neighbour[k]]
+            stays = stays or (p < kept.size and kept[p] >= 0)
+        if stays:
+            x[v, 0], x[v, 1], x[v, 2] = row(place, v)
 
 
 @lean_kernel()

@@ -157,7 +157,7 @@ class Worn(Piece):
                 model,
                 surface,
                 given.vertices if given.rest is None else given.rest,
-                np.asarray(given.pins, np.int32),
+                _shown_in_place(given),
             ),
             constraints=_constraints(garment, places, model, workspace),
             x_world=np.zeros((len(given.vertices), 3), np.float32),
@@ -329,9 +329,23 @@ class Worn(Piece):
             self.on_its_way.go(time, self.frames.world(colliders.end))
         if aside:
             keep = max(self.model.material.thickness, colliders.thickness)
-            self.aside.look(self.state.x, self.workspace.contacts, colliders, keep, time)
+            met = self.workspace.contacts, self.workspace.guard.kept, colliders
+            self.aside.look(self.state.x, *met, keep, time)
         else:
             self.aside.forget()
+
+
+def _shown_in_place(given: GarmentLike) -> IntArray:
+    """Vertices whose creases are shown as they are.
+
+    Pins are where they are, nothing shall be seen behind a backstop, and a seam that is being sewn
+    is as open as it is.
+    """
+    stays = np.isfinite(given.skin_limits.get("backstop", np.full(len(given.vertices), np.inf)))
+    stays[given.pins] = True
+    if given.stitches is not None:
+        stays[:] = True
+    return np.flatnonzero(stays).astype(np.int32)
 
 
 def _simulated(

@@ -227,7 +227,9 @@ def led_out(monkeypatch, y):
 
     def through():
         meter = PiercedMeter(BODY)
-        meter.add(poses, {"cloth": (simulation.positions("cloth"), garment.triangles)})
+        # Where particles are: the guard knows nothing of what creases are shown like.
+        x = simulation["cloth"].worn.seen(simulation.origin)
+        meter.add(poses, {"cloth": (x, garment.triangles)})
         return meter.result().share > 0.0
 
     assert through()

@@ -268,7 +268,8 @@ def longest_edge(**settings):
     longest = 0.0
     for y in np.append(np.linspace(-0.1, 0.1, 4), np.full(20, 0.1)):
         simulation.step(colliders.poses({"ball": np.array([0.0, y, 0.0])}))
-        x = simulation["sheet"].positions
+        # Where particles are: creases are shown round, with shorter edges.
+        x = simulation["sheet"].worn.seen(simulation.origin)
         longest = max(
             longest, (np.linalg.norm(np.diff(x[edges], axis=1)[:, 0], axis=1) / rest).max()
         )

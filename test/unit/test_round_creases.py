@@ -1,5 +1,7 @@
 """Creases are shown round."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from naive import naive_over
@@ -116,6 +118,45 @@ def test_nothing_is_shown_in_a_shape_that_it_or_a_neighbour_touches(cloth):
     for v in (1, 3):
         out = max(0.05 + clear - far[v], 0.0) / far[v]
         np.testing.assert_allclose(x[v], (1.0 + out) * rounded[v], atol=1e-6)
+
+
+def test_what_the_guard_keeps_is_shown_where_it_is(cloth):
+    """And its neighbours, which limbs are close to."""
+    rest, triangles = cloth.grid(9, 9, 0.02)
+    x = rest.astype(np.float32)
+    x[:, 2] = 0.03 * (np.arange(81) % 2)
+    place, kept = x.copy(), np.full(81, -1, np.int32)
+    kept[40] = 2
+    creases = RoundCreases(triangles, rest, NONE)
+    creases.round(x)
+    rounded = x.copy()
+    creases.stay_where_kept(x, place, np.arange(81, dtype=np.int32), kept)
+    near = np.unique(triangles[(triangles == 40).any(axis=1)])
+    np.testing.assert_array_equal(x[near], place[near])
+    others = np.setdiff1d(np.arange(81), near)
+    np.testing.assert_array_equal(x[others], rounded[others])
+    assert (rounded[near] != place[near]).any(axis=1).all()
+
+
+@pytest.mark.parametrize("why", ["backstop", "sewing"])
+def test_some_creases_are_shown_as_they_are(cloth, why):
+    """Nothing is seen behind a backstop, and a seam that is being sewn is as open as it is."""
+    vertices, triangles = cloth.grid(8, 8, 0.02)
+    garment = cloth.garment(vertices, triangles)
+    if why == "backstop":
+        garment = dataclasses.replace(garment, skin_limits={"backstop": np.full(64, 0.1)})
+    else:
+        stitches = np.full(64, -1, np.int32)
+        stitches[[0, 7]] = 0
+        garment = dataclasses.replace(garment, stitches=stitches)
+    simulation = Simulation((garment,), cloth.colliders(), solver="xpbd")
+    poses = ColliderPoses.identity(1)
+    simulation.reset(poses, settle=False)
+    pleats = vertices * [0.5, 1.0, 1.0]
+    pleats[:, 2] = 0.02 * np.sqrt(0.75) * (np.arange(64) // 8 % 2)
+    simulation["cloth"].worn.place(pleats, simulation.collider_state)
+    simulation.advance(poses, poses, 1e-4)
+    assert not simulation["cloth"].worn.aside.off.any()
 
 
 def test_what_is_seen_changes_nothing_that_is_simulated_and_papers_do_without(cloth):
