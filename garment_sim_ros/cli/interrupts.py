@@ -43,7 +43,8 @@ def interrupts_kept() -> Iterator[Callable[[], None]]:
         raise KeyboardInterrupt
 
     def tell_unless_interrupted(what: "sys.UnraisableHookArgs") -> None:
-        if not issubclass(what.exc_type, KeyboardInterrupt):
+        # What is cut short in the making may not end well either.
+        if not came and not issubclass(what.exc_type, KeyboardInterrupt):
             tell(what)
 
     def check() -> None:
@@ -56,6 +57,7 @@ def interrupts_kept() -> Iterator[Callable[[], None]]:
     try:
         yield check
     finally:
-        sys.unraisablehook = tell
+        if not came:  # else what was cut short is still to end, and so is the process
+            sys.unraisablehook = tell
         for sign, handler in zip(signs, before):
             signal.signal(sign, handler)

@@ -31,9 +31,8 @@ class Stuck(ManagedNode):
 sys.exit(run("mocap_player", Stuck, []))
 """
 
-HALF_MADE = """
+LONG = """
 import sys, time
-from garment_sim_ros.ros.process import run
 
 class Long:
     def __init__(self):
@@ -45,7 +44,20 @@ class Long:
     def __del__(self):
         print(f"ends without {self.handle}")
 
+"""
+A_NODE = """
+from garment_sim_ros.ros.process import run
+
 sys.exit(run("mocap_player", Long, []))
+"""
+SEVERAL_NODES = """
+from garment_sim_ros.cli.interrupts import interrupts_kept
+
+try:
+    with interrupts_kept():
+        Long()
+except KeyboardInterrupt:
+    sys.exit(130)
 """
 
 
@@ -108,11 +120,14 @@ def test_a_callback_that_does_not_end_is_interrupted(number, work):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_what_is_cut_short_in_the_making_says_nothing(number):
+@pytest.mark.parametrize(
+    ("making", "code"), [(A_NODE, 0), (SEVERAL_NODES, 130)], ids=["a node", "several nodes"]
+)
+def test_what_is_cut_short_in_the_making_says_nothing(making, code, number):
     """The compiler's objects expect to be whole when they end."""
-    with stuck(HALF_MADE) as process:
+    with stuck(LONG + making) as process:
         process.send_signal(number)
-        assert process.wait(60.0) == 0
+        assert process.wait(60.0) == code
         assert process.stdout.read() == ""
 
 
