@@ -338,11 +338,13 @@ class Worn(Piece):
 def _shown_in_place(given: GarmentLike) -> IntArray:
     """Vertices whose creases are shown as they are.
 
-    Pins are where they are, nothing shall be seen behind a backstop, and a seam that is being sewn
-    is as open as it is.
+    Pins are where they are, some limits hold what is shown, too, and a seam that is being sewn is
+    as open as it is.
     """
-    stays = np.isfinite(given.skin_limits.get("backstop", np.full(len(given.vertices), np.inf)))
+    stays = np.zeros(len(given.vertices), np.bool_)
     stays[given.pins] = True
+    for name, distance in given.skin_limits.items():
+        stays |= np.isfinite(distance) & SKIN_LIMITS[name].holds_what_is_shown
     if given.stitches is not None:
         stays[:] = True
     return np.flatnonzero(stays).astype(np.int32)

@@ -21,6 +21,7 @@ class Backstop(SkinLimit):
     """Holds one garment's free particles; see `SkinLimit`."""
 
     effect = "a farthest distance behind skin"
+    holds_what_is_shown = True
 
     def __init__(
         self,

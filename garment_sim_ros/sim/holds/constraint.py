@@ -1,6 +1,7 @@
 """What limits where a garment may be, in every sub-step."""
 
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,8 @@ class SkinLimit(Constraint):
 
     effect: str
     """What it is, in words."""
+    holds_what_is_shown: ClassVar[bool] = False
+    """Whether what it limits shall not be shown elsewhere than it is, either."""
 
     @abstractmethod
     def __init__(
