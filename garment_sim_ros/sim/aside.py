@@ -84,12 +84,12 @@ class Aside:
             self._surface.follow(self._simulated, _NOWHERE, self._place)
         self._x[:] = self._place
         self._creases.round(self._x)
-        self._creases.stay_where_kept(self._x, self._place, self._particle, kept)
         if self._surface is None:
             self._creases.stay_outside(
                 *(self._x, self._place, self._particle, contacts, colliders),
                 thickness,
             )
+        self._creases.stay_where_kept(self._x, self._place, self._particle, kept)
         self.over.look(self._x, contacts, colliders, thickness, time)
         np.subtract(self._x, self._place, out=self.off)
         self.off += self.over.lift
