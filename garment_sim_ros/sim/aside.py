@@ -8,19 +8,21 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.contacts import Contacts
+from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.geometry.vectors import dot, length, less, plus, row
 from garment_sim_ros.jit import lean_kernel
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.detail.surface import Surface
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.motion import to_file_order
-from garment_sim_ros.sim.over_shapes import OverShapes, side_lengths
+from garment_sim_ros.sim.over_shapes import OverShapes
 from garment_sim_ros.sim.round_creases import RoundCreases
 
 _STRETCHED = 1.7
 """What lengthens an edge that is so many times as long as at rest is no matter of showing."""
 _PASSES = 2
 """Vertices that are shown in their places leave others apart from them."""
+_IN_PLACE, _MOVED, _LEFT = np.int8(0), np.int8(1), np.int8(2)
 _ZERO = np.float32(0.0)
 _NOWHERE = np.zeros(3)
 
@@ -46,17 +48,16 @@ class Aside:
         if surface is not None:
             nearest = surface.share.argmax(axis=1)
             self._particle = model.particle[surface.corner[np.arange(len(surface)), nearest]]
-        self._triangles = model.triangles if surface is None else surface.triangles
-        self._creases = RoundCreases(self._triangles, rest, held)
+        triangles = model.triangles if surface is None else surface.triangles
+        self._creases = RoundCreases(triangles, rest, held)
         self.over = OverShapes(model, surface)
         self.off, self._place, self._x = (np.zeros((len(rest), 3), np.float32) for _ in range(3))
-        self._most = (_STRETCHED * side_lengths(rest[self._triangles])).astype(np.float32)
-        self._left: NDArray[np.bool_] = np.zeros(len(rest), np.bool_)
+        edges = mesh_topology(triangles).edges
+        sides = np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1)
+        most = (_STRETCHED * sides).astype(np.float32)
+        moved: NDArray[np.int8] = np.zeros(len(rest), np.int8)
         self._simulated: SingleArray = np.zeros((len(model), 3), np.float32)
-        self._all = (
-            *(self._place, self._triangles, self._most, self._left),
-            *(self.off, self.over.lift),
-        )
+        self._all = self._x, self._place, edges, most, moved, self.off, self.over.lift
 
     def look(
         self,
@@ -91,11 +92,7 @@ class Aside:
             )
         self._creases.stay_where_kept(self._x, self._place, self._particle, kept)
         self.over.look(self._x, contacts, colliders, thickness, time)
-        np.subtract(self._x, self._place, out=self.off)
-        self.off += self.over.lift
-        for _ in range(_PASSES):
-            if not leave_stretched(*self._all):
-                break
+        find_off(*self._all)
 
     def forget(self) -> None:
         """Shows all in its place until the next look."""
@@ -104,38 +101,39 @@ class Aside:
 
 
 @lean_kernel()
-def leave_stretched(x, triangles, most, left, off, lift):
-    """Shows in their places the ends of edges that are stretched and would be lengthened.
+def find_off(x, place, edges, most, moved, off, lift):
+    """What vertices are shown off their places; the ends of stretched edges are not.
 
-    Where two parts of a body close on cloth, as thigh and belly, there is no place over both.
+    These are shown in their places where they would be lengthened: where two parts of a body close
+    on cloth, as thigh and belly, there is no place over both.
 
     Args:
-        x: Positions of the vertices [m], shape [v, 3].
-        triangles: The mesh, shape [t, 3].
-        most: Length from which on each side is stretched, from its corner to the next [m],
-            shape [t, 3].
-        left: Scratch, shape [v].
-        off: What each vertex is off its place, changed in place [m], shape [v, 3].
-        lift: The part of it by which it is lifted, likewise.
-
-    Returns:
-        Whether there was any.
+        x: Where vertices are seen without `lift` [m], shape [v, 3].
+        place: Where they are [m], shape [v, 3].
+        edges: Edges of the mesh, shape [e, 2].
+        most: Length from which on each is stretched [m], shape [e].
+        moved: Scratch, shape [v].
+        off: Output: what each vertex is off its place [m], shape [v, 3].
+        lift: The part of it by which it lies over the shapes, changed in place [m], shape [v, 3].
     """
-    found = False
-    for v in range(left.size):
-        left[v] = False
-    for t in range(triangles.shape[0]):
-        for k in range(3):
-            a, b = triangles[t, k], triangles[t, k - 2]
-            apart = less(row(off, a), row(off, b))
-            if dot(apart, apart) > _ZERO:
-                edge = less(row(x, a), row(x, b))
+    for v in range(moved.size):
+        way = plus(less(row(x, v), row(place, v)), row(lift, v))
+        off[v, 0], off[v, 1], off[v, 2] = way
+        moved[v] = _MOVED if dot(way, way) > _ZERO else _IN_PLACE
+    for _ in range(_PASSES):
+        found = False
+        for e in range(edges.shape[0]):
+            a, b = edges[e, 0], edges[e, 1]
+            if (moved[a] | moved[b]) & _MOVED:
+                apart = less(row(off, a), row(off, b))
+                edge = less(row(place, a), row(place, b))
                 longer = length(plus(edge, apart))
-                if longer > most[t, k] and longer > length(edge):
-                    left[a] = left[b] = found = True
-    if found:
-        for v in range(left.size):
-            if left[v]:
+                if longer > most[e] and longer > length(edge):
+                    moved[a], moved[b], found = moved[a] | _LEFT, moved[b] | _LEFT, True
+        if not found:
+            break
+        for v in range(moved.size):
+            if moved[v] & _LEFT:
+                moved[v] = _IN_PLACE
                 off[v, 0], off[v, 1], off[v, 2] = _ZERO, _ZERO, _ZERO
                 lift[v, 0], lift[v, 1], lift[v, 2] = _ZERO, _ZERO, _ZERO
-    return found

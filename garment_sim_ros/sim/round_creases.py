@@ -253,7 +253,7 @@ def stay_outside(
     """Takes back what led vertices into shapes that they or their neighbours touch.
 
     What touches goes along the surface, and stays where shapes press it from two sides. What is in
-    the air is moved out again.
+    the air is moved out again, as far as it was before.
 
     Args:
         x: Positions of the vertices, changed in place [m], shape [v, 3].
@@ -287,5 +287,8 @@ def stay_outside(
                 continue
             last = c
             d, nx, ny, nz = shape_distance(shapes, posed, c, x[v, 0], x[v, 1], x[v, 2], keep)
-            out = max(keep - d, _ZERO)
-            x[v, 0], x[v, 1], x[v, 2] = along(row(x, v), (nx, ny, nz), out)
+            if d < keep:
+                px, py, pz = row(place, v)
+                before, _, _, _ = shape_distance(shapes, posed, c, px, py, pz, keep)
+                out = max(min(keep, before) - d, _ZERO)
+                x[v, 0], x[v, 1], x[v, 2] = along(row(x, v), (nx, ny, nz), out)

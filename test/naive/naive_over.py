@@ -79,3 +79,21 @@ def round_creases(x, triangles, rest, held, bent, sharp):
             if near:
                 x[v] += weight[v] * (before[near].mean(axis=0) - before[v])
     return x
+
+
+def off(place, triangles, way, rest, stretched):
+    """What vertices are shown off their places [m], shape [v, 3].
+
+    Twice the ends of edges that are stretched and would be lengthened stay in their places.
+    """
+    way = way.copy()
+    for _ in range(2):
+        stay = set()
+        for t in triangles.tolist():
+            for a, b in ((t[0], t[1]), (t[1], t[2]), (t[2], t[0])):
+                now = np.linalg.norm(place[b] - place[a])
+                seen = np.linalg.norm(place[b] + way[b] - place[a] - way[a])
+                if seen > now and seen > stretched * np.linalg.norm(rest[b] - rest[a]):
+                    stay |= {a, b}
+        way[sorted(stay)] = 0.0
+    return way

@@ -6,7 +6,8 @@ from naive import naive_over
 from particles import simulated
 
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses
-from garment_sim_ros.sim.aside import leave_stretched
+from garment_sim_ros.geometry.topology import mesh_topology
+from garment_sim_ros.sim.aside import find_off
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.over_shapes import (
     come_down,
@@ -180,26 +181,43 @@ def test_the_larger_of_what_is_asked_and_what_is_left_is_shown():
 
 def test_no_stretched_edge_is_lengthened():
     """0 and 1 are lifted apart, as 3 and 4, whose edge may; 2 goes across its edges."""
-    x = np.array(
+    place = np.array(
         [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [2.0, 1.0, 0.0], [3.0, 1.0, 0.0]],
         np.float32,
     )
-    lift = np.array(
+    way = np.array(
         [[-0.1, 0.0, 0.1], [0.1, 0.0, 0.1], [0.0, 0.0, 0.1], [0.0, 0.0, 0.1], [0.2, 0.0, 0.0]],
         np.float32,
     )
-    triangles = np.array([[0, 1, 2], [1, 3, 2], [2, 3, 4]], np.int32)
-    most = np.full((3, 3), 2.5, np.float32)
-    most[0, 0] = 1.1
-    expected = lift.copy()
+    edges = np.array([[0, 1], [0, 2], [1, 2], [1, 3], [2, 3], [2, 4], [3, 4]], np.int32)
+    most = np.full(7, 2.5, np.float32)
+    most[0] = 1.1
+    expected = way.copy()
     expected[:2] = 0.0
-    half = 0.5 * lift
-    assert leave_stretched(x, triangles, most, np.ones(5, np.bool_), lift, half)
-    np.testing.assert_array_equal(lift, expected)
-    np.testing.assert_array_equal(half, 0.5 * expected)
-    most[2, 1] = 1.1  # from 3 to 4
-    expected[3:] = 0.0
-    assert leave_stretched(x, triangles, most, np.ones(5, np.bool_), lift, half)
-    np.testing.assert_array_equal(lift, expected)
-    np.testing.assert_array_equal(half, 0.5 * expected)
-    assert not leave_stretched(x, triangles, most, np.ones(5, np.bool_), lift, half)
+    for _ in range(2):
+        # Half of it lies over shapes.
+        lift, off = 0.5 * way, np.full_like(way, np.nan)
+        find_off(place + 0.5 * way, place, edges, most, np.ones(5, np.int8), off, lift)
+        np.testing.assert_allclose(off, expected, atol=1e-7)
+        np.testing.assert_array_equal(lift, 0.5 * expected)
+        most[6] = 1.1
+        expected[3:] = 0.0
+
+
+def test_what_is_left_in_its_place_is_that_of_the_twin(cloth):
+    rng = np.random.default_rng(3)
+    rest, triangles = cloth.grid(12, 12)
+    place = (rest * [1.5, 1.2, 1.0] + rng.normal(0.0, 0.002, rest.shape)).astype(np.float32)
+    way = rng.normal(0.0, 0.004, rest.shape).astype(np.float32)
+    way[rng.random(len(way)) < 0.5] = 0.0
+    topology = mesh_topology(triangles)
+    most = 1.7 * np.linalg.norm(np.diff(rest[topology.edges], axis=1)[:, 0], axis=1)
+    lift, off = way.copy(), np.empty_like(way)
+    find_off(
+        *(place, place, topology.edges, most.astype(np.float32)),
+        *(np.zeros(len(way), np.int8), off, lift),
+    )
+    expected = naive_over.off(place.astype(float), triangles, way.astype(float), rest, 1.7)
+    assert 20 < (expected.any(axis=1) != way.any(axis=1)).sum() < 60
+    np.testing.assert_allclose(off, expected, atol=1e-7)
+    np.testing.assert_array_equal(lift, off)

@@ -86,16 +86,24 @@ def test_borders_go_along_themselves(cloth):
     assert (x[inner] != before[inner]).any()
 
 
-def test_nothing_is_shown_in_a_shape_that_it_or_a_neighbour_touches(cloth):
-    """On a ball: one vertex touches, one is pressed from two sides, the others are in the air."""
+@pytest.mark.parametrize("deep", [False, True])
+def test_nothing_is_led_into_a_shape_that_it_or_a_neighbour_touches(cloth, deep):
+    """On a ball: one vertex touches, one is pressed from two sides, the others are in the air.
+
+    Two of these are led into the ball, or were deep in it before, and go as they are led.
+    """
     rest, triangles = cloth.grid(3, 3, 0.02)
     ball = Collider(name="ball", kind="sphere", bone="bone", geometry={"radius": 0.05})
     colliders = ColliderState.of(cloth.colliders(ball))
     colliders.pose()
     place = rest.astype(np.float32)
     place[:, 2] = 0.05
-    place[4, 2] += 0.02  # the middle is the tip of a cone, three of its neighbours another one's
-    place[[1, 3], 2] -= 0.03
+    place[4, 2] += 0.02  # the middle is the tip of a cone
+    if deep:
+        place[[1, 3], 2] -= 0.03
+    else:
+        place[[0, 6], 2] -= 0.04
+        place[3] *= 0.0505 / np.linalg.norm(place[3])
     contacts = Contacts.room_for(9, 1)
     contacts.shape[:] = -1
     contacts.shape[[0, 2, 4]] = 0
@@ -110,14 +118,14 @@ def test_nothing_is_shown_in_a_shape_that_it_or_a_neighbour_touches(cloth):
     assert moved[[1, 3, 4]].all()
     assert rounded[4, 2] < place[4, 2]
     clear = 0.001
-    assert np.linalg.norm(rounded[[1, 3]], axis=1).min() < 0.05
+    far, before = (np.linalg.norm(p[[1, 3]].astype(float), axis=1) for p in (rounded, place))
+    assert (far < 0.05).all()
+    assert (before < 0.03).all() if deep else (before > 0.05).all()
     creases.stay_outside(x, place, np.arange(9, dtype=np.int32), contacts, colliders, clear)
     np.testing.assert_allclose(x[4], [*rounded[4, :2], place[4, 2]], atol=1e-7)
     np.testing.assert_array_equal(x[2], place[2])
-    far = np.linalg.norm(rounded.astype(float), axis=1)
-    for v in (1, 3):
-        out = max(0.05 + clear - far[v], 0.0) / far[v]
-        np.testing.assert_allclose(x[v], (1.0 + out) * rounded[v], atol=1e-6)
+    there = np.maximum(far, np.minimum(before, 0.05 + clear)) / far
+    np.testing.assert_allclose(x[[1, 3]], there[:, None] * rounded[[1, 3]], atol=1e-6)
 
 
 def test_what_the_guard_keeps_is_shown_where_it_is(cloth):
