@@ -29,6 +29,8 @@ _TWIST = {
 """Degrees that a bone turns about itself to each side, by humanoid bone without its side."""
 _USED = {"spine": 0.7, "chest": 0.7}
 """Share of their range that joints of the trunk use, as all turn at once."""
+_COLLAR = 20.0
+"""Degrees that a collar bone turns up and down, forwards and backwards."""
 _BEHIND = 0.6
 """How far an upper arm points backwards at most: the part of its unit direction."""
 _ACROSS = 0.7
@@ -61,6 +63,12 @@ def random_poses(body: Body, count: int, *, seed: int = 0) -> FloatArray:
             above = int(body.rig.parent[above])
         turns = _turns(bone, along[m], count, rng)
         turn |= {j: Rotation.from_rotvec(turns / len(chain)).as_matrix() for j in chain}
+    for side in ("left", "right"):
+        if {f"{side}Shoulder", f"{side}UpperArm"} <= body.humanoid.keys():
+            joint, arm = (
+                body.rig.index(body.humanoid[side + b]) for b in ("Shoulder", "UpperArm")
+            )
+            turn[joint] = _shrugged(rest[arm, :3, 3] - rest[joint, :3, 3], count, rng)
     motion = np.tile(np.eye(4), (count, len(rest), 1, 1))
     for j, above in enumerate(body.rig.parent):
         if above >= 0:
@@ -107,6 +115,13 @@ def _turns(bone: str, along: FloatArray, count: int, rng: np.random.Generator) -
         swing = np.cross(along, swing) * limit * share
     turns: FloatArray = (Rotation.from_rotvec(swing) * Rotation.from_rotvec(twist)).as_rotvec()
     return turns
+
+
+def _shrugged(along: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
+    """Random turns of a collar bone that lies along a direction, shape [count, 3, 3]."""
+    axes = np.cross(along / np.linalg.norm(along), [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    angles = np.radians(rng.uniform(-_COLLAR, _COLLAR, (count, 2)))
+    return Rotation.from_rotvec(angles @ axes).as_matrix()
 
 
 def _raised(left: bool, along: FloatArray, rng: np.random.Generator) -> FloatArray:

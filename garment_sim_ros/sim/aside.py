@@ -25,6 +25,7 @@ _PASSES = 2
 _IN_PLACE, _MOVED, _LEFT = np.int8(0), np.int8(1), np.int8(2)
 _ZERO = np.float32(0.0)
 _NOWHERE = np.zeros(3)
+_NO_CONTACTS = Contacts.room_for(0, 1)
 
 
 class Aside:
@@ -90,13 +91,16 @@ class Aside:
                 *(self._x, self._place, self._particle, contacts, colliders),
                 thickness,
             )
-        self._creases.stay_where_kept(self._x, self._place, self._particle, kept)
+        # A vertex over a coarser mesh is not pressed where the particle nearest to it is.
+        pressed = contacts if self._surface is None else _NO_CONTACTS
+        self._creases.stay_put(self._x, self._place, self._particle, pressed, kept, time)
         self.over.look(self._x, contacts, colliders, thickness, time)
         find_off(*self._all)
 
     def forget(self) -> None:
         """Shows all in its place until the next look."""
         self.off[:] = 0.0
+        self._creases.forget()
         self.over.forget()
 
 

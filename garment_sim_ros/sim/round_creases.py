@@ -26,6 +26,9 @@ that angle against each other."""
 _WAY = 0.5
 """How far vertices go in a pass, as a share of the way to the middle of their neighbours."""
 _PASSES = 3
+_HOLD, _EASE = 0.5, 0.3
+"""How long a vertex stays in its place after what held it there, and how long it takes to go from
+there [s]. Whether shapes press cloth from two sides hangs on micrometres."""
 _ZERO = np.float32(0.0)
 
 
@@ -45,6 +48,7 @@ class RoundCreases:
         self._sum, self._to = (np.zeros((count, 3), np.float32) for _ in range(2))
         self._cosine, self._weight = (np.zeros(count, np.float32) for _ in range(2))
         self._listed, self._count = np.zeros(count, np.int32), 0
+        self._moves_for = np.full(count, np.inf, np.float32)
         self._code: Callable[..., None] | None = None
         turn_at_vertices(
             *(np.ascontiguousarray(rest, np.float32), triangles, self._normal, self._sum),
@@ -62,22 +66,6 @@ class RoundCreases:
         self._count = list_bent(self._cosine, self._bent, self._start, self._weight, self._listed)
         move_to_neighbours(
             *(x, self._start, self._neighbour, self._weight, self._listed, self._count, self._to),
-        )
-
-    def stay_where_kept(
-        self, x: SingleArray, place: SingleArray, particle: IntArray, kept: IntArray
-    ) -> None:
-        """Takes back what moved vertices that the guard keeps, or beside those.
-
-        Args:
-            x: As `round` moved them, changed in place [m], shape [v, 3].
-            place: As they were before [m], shape [v, 3].
-            particle: The particle that each vertex is, or is nearest to, shape [v].
-            kept: What the guard keeps of the free ones, see `Guard`, shape [f].
-        """
-        stay_where_kept(
-            *(x, place, particle, kept),
-            *(self._start, self._neighbour, self._listed, self._count),
         )
 
     def stay_outside(
@@ -106,6 +94,35 @@ class RoundCreases:
         if self._code is None:
             self._code = compiled(stay_outside, *given)
         self._code(*given)
+
+    def stay_put(
+        self,
+        x: SingleArray,
+        place: SingleArray,
+        particle: IntArray,
+        contacts: Contacts,
+        kept: IntArray,
+        time: float,
+    ) -> None:
+        """Takes back what moved vertices that the guard keeps, or shapes press from two sides.
+
+        Args:
+            x: As `round` moved them, changed in place [m], shape [v, 3].
+            place: As they were before [m], shape [v, 3].
+            particle: The particle that each vertex is, or is nearest to, shape [v].
+            contacts: What touches the free ones.
+            kept: What the guard keeps of the free ones, see `Guard`, shape [f].
+            time: Since the last call [s].
+        """
+        stay_put(
+            *(x, place, particle, contacts.shape, contacts.depth, kept),
+            *(self._moves_for, np.float32(time)),
+            *(self._start, self._neighbour, self._listed, self._count),
+        )
+
+    def forget(self) -> None:
+        """Nothing held any vertex in its place."""
+        self._moves_for[:] = np.inf
 
 
 def _neighbours(triangles: IntArray, count: int, held: IntArray) -> tuple[IntArray, IntArray]:
@@ -221,39 +238,13 @@ def move_to_neighbours(x, start, neighbour, weight, listed, count, to):
 
 
 @lean_kernel()
-def stay_where_kept(x, place, particle, kept, start, neighbour, listed, count):
-    """Takes back what moved vertices that the guard keeps, or beside those.
-
-    Limbs are close to these: what is shown elsewhere may be through one.
-
-    Args:
-        x: Positions of the vertices, changed in place [m], shape [v, 3].
-        place: What they were before [m], shape [v, 3].
-        particle: The particle that each vertex is, or is nearest to, shape [v].
-        kept: What the guard keeps of the free ones, -1 for nothing, shape [f].
-        start: Where each one's neighbours begin, shape [v + 1].
-        neighbour: Neighbours, shape [any].
-        listed: Those that were moved, the first `count`, shape [v].
-        count: How many were.
-    """
-    for n in range(count):
-        v = listed[n]
-        stays = particle[v] < kept.size and kept[particle[v]] >= 0
-        for k in range(start[v], start[v + 1]):
-            p = particle[neighbour[k]]
-            stays = stays or (p < kept.size and kept[p] >= 0)
-        if stays:
-            x[v, 0], x[v, 1], x[v, 2] = row(place, v)
-
-
-@lean_kernel()
 def stay_outside(
     x, place, particle, contacts, shapes, posed, keep, start, neighbour, listed, count
 ):
     """Takes back what led vertices into shapes that they or their neighbours touch.
 
-    What touches goes along the surface, and stays where shapes press it from two sides. What is in
-    the air is moved out again, as far as it was before.
+    What touches goes along the surface. What is in the air is moved out again, as far as it was
+    before.
 
     Args:
         x: Positions of the vertices, changed in place [m], shape [v, 3].
@@ -274,10 +265,7 @@ def stay_outside(
         p = particle[v]
         if p < free and contacts.shape[p] >= 0:
             way, normal = less(row(x, v), row(place, v)), row(contacts.normal, p)
-            into = min(dot(way, normal), _ZERO)
-            pressed = contacts.depth[p] == np.float32(np.inf)
-            for k in range(3):
-                x[v, k] -= way[k] if pressed else into * normal[k]
+            x[v, 0], x[v, 1], x[v, 2] = along(row(x, v), normal, -min(dot(way, normal), _ZERO))
             continue
         last = np.int64(-1)
         for k in range(start[v], start[v + 1]):
@@ -292,3 +280,45 @@ def stay_outside(
                 before, _, _, _ = shape_distance(shapes, posed, c, px, py, pz, keep)
                 out = max(min(keep, before) - d, _ZERO)
                 x[v, 0], x[v, 1], x[v, 2] = along(row(x, v), (nx, ny, nz), out)
+
+
+@lean_kernel()
+def stay_put(
+    x, place, particle, shape, depth, kept, moves_for, time, start, neighbour, listed, count
+):
+    """Takes back what moved vertices that the guard keeps, or beside those, and pressed ones.
+
+    Limbs are close to what the guard keeps: what is shown elsewhere may be through one. What
+    shapes press from two sides has nowhere to go.
+
+    Args:
+        x: Positions of the vertices, changed in place [m], shape [v, 3].
+        place: What they were before [m], shape [v, 3].
+        particle: The particle that each vertex is, or is nearest to, shape [v].
+        shape: What touches the free ones, -1 for nothing, shape [f].
+        depth: How deep these are in it, infinite for pressed ones [m], shape [f].
+        kept: What the guard keeps of them, -1 for nothing, shape [f].
+        moves_for: Time since something held each vertex, changed in place [s], shape [v].
+        time: Since the last call [s].
+        start: Where each one's neighbours begin, shape [v + 1].
+        neighbour: Neighbours, shape [any].
+        listed: Those that were moved, the first `count`, shape [v].
+        count: How many were.
+    """
+    one = np.float32(1.0)
+    for v in range(moves_for.size):
+        moves_for[v] += time
+    for n in range(count):
+        v = listed[n]
+        p = particle[v]
+        stays = p < shape.size and shape[p] >= 0 and depth[p] == np.float32(np.inf)
+        stays = stays or (p < kept.size and kept[p] >= 0)
+        for k in range(start[v], start[v + 1]):
+            q = particle[neighbour[k]]
+            stays = stays or (q < kept.size and kept[q] >= 0)
+        if stays:
+            moves_for[v] = _ZERO
+        share = (moves_for[v] - np.float32(_HOLD)) / np.float32(_EASE)
+        if share < one:
+            way = less(row(x, v), row(place, v))
+            x[v, 0], x[v, 1], x[v, 2] = along(row(place, v), way, max(share, _ZERO))

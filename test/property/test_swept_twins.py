@@ -264,9 +264,9 @@ def test_second_planes(seed, count):
     for p in range(n):
         is_held = kept[p] >= 0 or (now[p] >= 0 and np.isinf(planes.depth[p]))
         candidate = before[p] if before[p] not in (-1, now[p]) else had[p]
-        other_side = candidate >= 0 and side[candidate, p] != UNDER
+        passes = candidate >= 0 and side[candidate, p] == PASSING
         expected, normal, place = -1, None, None
-        if not (is_held or other_side):
+        if not (is_held or passes):
             expected, normal, place = naive_contact.second_plane(
                 *(scene.shapes, x[p].astype(np.float64)),
                 *((int(now[p]), int(before[p]), int(had[p])), reach, THICKNESS),

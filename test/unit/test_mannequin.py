@@ -4,7 +4,7 @@ import trimesh
 from scipy.spatial import ConvexHull, cKDTree
 from scipy.spatial.transform import Rotation
 
-from garment_sim_ros.body.kinematics import world_from_local
+from garment_sim_ros.body.kinematics import rest_transforms, world_from_local
 from garment_sim_ros.body.mannequin import mannequin as module
 from garment_sim_ros.body.mannequin.figure import figure
 from garment_sim_ros.body.mannequin.mannequin import MannequinOptions, grown, mannequin
@@ -237,6 +237,10 @@ def test_weights_are_smooth_local_and_few():
     leg = share_of(body, *("left" + b for b in ("UpperLeg", "LowerLeg", "Foot", "Toes")))
     assert leg[x[:, 2] > 1.05].max() == 0.0
     assert leg[x[:, 1] < -0.025].max() == 0.0
+    girdle = share_of(body, "leftShoulder", "rightShoulder")
+    assert girdle.max() > 0.5
+    neck = rest_transforms(body.rig)[body.rig.index("neck"), 2, 3]
+    assert girdle[x[:, 2] > neck + 0.085].max() == 0.0  # nothing of the head
     # Along an edge no weight changes faster than over a narrow band, 4 cm wide.
     edges = mesh_of(body).edges_unique
     length = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1)

@@ -76,8 +76,24 @@ def test_a_turn_is_shared_along_the_spine(data_file):
     chest, between = body.rig.index("spine03"), body.rig.index("spine04")
     assert turns[:, chest].max() > 5.0
     np.testing.assert_allclose(turns[:, chest], turns[:, between], atol=1e-6)
-    for still in ("clavicle.L", "upperleg02.L"):  # what moves with the bone above
-        assert turns[:, body.rig.index(still)].max() < 1e-5
+    assert turns[:, body.rig.index("upperleg02.L")].max() < 1e-5  # it moves with the bone above
+
+
+def test_collar_bones_turn_up_and_down_forwards_and_backwards_alike(mannequin):
+    poses = random_poses(mannequin, 200)
+    for side, out in (("left", 1.0), ("right", -1.0)):
+        collar, arm = (mannequin.rig.index(f"{side}{bone}") for bone in ("Shoulder", "UpperArm"))
+        above = mannequin.rig.parent[collar]
+        ways = poses[:, arm, :3, 3] - poses[:, collar, :3, 3]
+        ways = np.einsum("pij,pi->pj", poses[:, above, :3, :3], ways)  # as the chest sees them
+        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+        rest = rest_transforms(mannequin.rig)
+        before = rest[arm, :3, 3] - rest[collar, :3, 3]
+        up = np.degrees(np.arcsin(ways[:, 2]) - np.arcsin(before[2] / np.linalg.norm(before)))
+        ahead = np.arctan2(ways[:, 0], out * ways[:, 1]) - np.arctan2(before[0], abs(before[1]))
+        for turn in (up, np.degrees(ahead)):
+            assert 15.0 < turn.max() < 22.0
+            assert -22.0 < turn.min() < -15.0
 
 
 def test_a_body_without_a_rig_stays_as_it_is(data_file):

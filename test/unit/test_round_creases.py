@@ -88,7 +88,7 @@ def test_borders_go_along_themselves(cloth):
 
 @pytest.mark.parametrize("deep", [False, True])
 def test_nothing_is_led_into_a_shape_that_it_or_a_neighbour_touches(cloth, deep):
-    """On a ball: one vertex touches, one is pressed from two sides, the others are in the air.
+    """On a ball: one vertex touches, the others are in the air.
 
     Two of these are led into the ball, or were deep in it before, and go as they are led.
     """
@@ -109,7 +109,6 @@ def test_nothing_is_led_into_a_shape_that_it_or_a_neighbour_touches(cloth, deep)
     contacts.shape[[0, 2, 4]] = 0
     contacts.normal[:] = 0.0, 0.0, 1.0
     contacts.depth[:] = 0.0
-    contacts.depth[2] = np.inf
     creases = RoundCreases(triangles, rest, NONE)
     x = place.copy()
     creases.round(x)
@@ -123,27 +122,41 @@ def test_nothing_is_led_into_a_shape_that_it_or_a_neighbour_touches(cloth, deep)
     assert (before < 0.03).all() if deep else (before > 0.05).all()
     creases.stay_outside(x, place, np.arange(9, dtype=np.int32), contacts, colliders, clear)
     np.testing.assert_allclose(x[4], [*rounded[4, :2], place[4, 2]], atol=1e-7)
-    np.testing.assert_array_equal(x[2], place[2])
     there = np.maximum(far, np.minimum(before, 0.05 + clear)) / far
     np.testing.assert_allclose(x[[1, 3]], there[:, None] * rounded[[1, 3]], atol=1e-6)
 
 
-def test_what_the_guard_keeps_is_shown_where_it_is(cloth):
-    """And its neighbours, which limbs are close to."""
+@pytest.mark.parametrize("by", ["guard", "two shapes"])
+def test_what_is_held_is_shown_where_it_is(cloth, by):
+    """And beside what the guard keeps, which limbs are close to; it is let go slowly."""
     rest, triangles = cloth.grid(9, 9, 0.02)
     x = rest.astype(np.float32)
     x[:, 2] = 0.03 * (np.arange(81) % 2)
     place, kept = x.copy(), np.full(81, -1, np.int32)
-    kept[40] = 2
+    contacts = Contacts.room_for(81, 1)
+    contacts.shape[:], contacts.depth[:] = -1, np.inf
     creases = RoundCreases(triangles, rest, NONE)
     creases.round(x)
     rounded = x.copy()
-    creases.stay_where_kept(x, place, np.arange(81, dtype=np.int32), kept)
-    near = np.unique(triangles[(triangles == 40).any(axis=1)])
-    np.testing.assert_array_equal(x[near], place[near])
-    others = np.setdiff1d(np.arange(81), near)
+    if by == "guard":
+        held = np.unique(triangles[(triangles == 40).any(axis=1)])
+        kept[40] = 2
+    else:
+        held = np.array([40])
+        contacts.shape[40] = 0
+    assert (rounded[held] != place[held]).any(axis=1).all()
+    others = np.setdiff1d(np.arange(81), held)
+    given = place, np.arange(81, dtype=np.int32), contacts, kept
+    creases.stay_put(x, *given, np.inf)
+    np.testing.assert_array_equal(x[held], place[held])
     np.testing.assert_array_equal(x[others], rounded[others])
-    assert (rounded[near] != place[near]).any(axis=1).all()
+    kept[:] = contacts.shape[:] = -1
+    for time, share in ((0.5, 0.0), (0.15, 0.5), (0.16, 1.0)):
+        x[:] = rounded
+        creases.stay_put(x, *given, time)
+        expected = place + share * (rounded - place)
+        np.testing.assert_allclose(x[held], expected[held], atol=1e-7)
+        np.testing.assert_array_equal(x[others], rounded[others])
 
 
 @pytest.mark.parametrize("why", ["backstop", "sewing"])
@@ -203,4 +216,4 @@ def test_a_shirt_on_raised_arms_does_not_look_torn(data_file, detail):
         shown.append(meshes["tshirt"].creased(x))
         before.append(meshes["tshirt"].creased(x - simulation["tshirt"].worn.aside.off))
     assert np.percentile(before, 95) > 0.02 * detail
-    assert np.percentile(shown, 95) < 0.4 * np.percentile(before, 95)
+    assert np.percentile(shown, 95) < 0.006

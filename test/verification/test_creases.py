@@ -26,10 +26,14 @@ def ways_at_rest(avatar, outfit, clip, frame):
 
 
 @pytest.mark.parametrize(
-    ("clip", "frame"), [("deepmimic_run.bvh", 20), ("rokoko_jesse_dance.bvh", 300)]
+    ("clip", "frame"),
+    [("deepmimic_run.bvh", 20), ("rokoko_jesse_dance.bvh", 300), ("deepmimic_spinkick.bvh", 30)],
 )
 def test_trousers_rest_in_the_creases_of_hips_and_knees(data_file, clip, frame):
-    """Without second planes, particles there go back and forth, by 3 to 8 mm, for ever."""
+    """Without second planes, particles there go back and forth, by 3 to 8 mm, for ever.
+
+    So do vertices that are shown elsewhere as long as nothing presses them, by 6 to 10 mm.
+    """
     avatar = gs.Avatar.load(str(data_file("bodies", "mh_female_young.glb")))
     outfit = avatar.dress(str(data_file("garments", "trousers_female.obj")))
     (way,) = ways_at_rest(avatar, outfit, data_file("mocap", clip), frame).values()

@@ -67,14 +67,16 @@ class _Limbs:
         }
 
     def girdle(self, side: str, sign: float, trunk: FloatArray) -> FloatArray:
-        """What a shoulder takes of the trunk's share."""
+        """What a shoulder takes of the trunk's share: nothing of the head."""
         armpit = 0.5 * (self.at["upperChest"][2] + self.at["leftUpperArm"][2])
+        nape = self.at["neck"][2] + 0.03 * self.unit
         reach = abs(self.at[f"{side}UpperArm"][1])
         result: FloatArray = (
             0.8
             * trunk
             * _handover(sign * self.x[:, 1] - 0.6 * reach, 0.5 * reach)
             * _handover(self.x[:, 2] - armpit, 0.07 * self.unit)
+            * _handover(nape - self.x[:, 2], 0.05 * self.unit)
         )
         return result
 

@@ -14,7 +14,7 @@ from garment_sim_ros.body.skin import Body
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.colliders.regions import bone_weights
 from garment_sim_ros.colliders.report.fatness import fatness
-from garment_sim_ros.colliders.report.motion_report import range_report
+from garment_sim_ros.colliders.report.motion_report import AT_ALL, range_report
 from garment_sim_ros.colliders.report.surfaces import surface
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
@@ -96,7 +96,7 @@ def skin_distance(body: Body, colliders: ColliderSet) -> FloatArray:
 def _figures(distance: FloatArray, area: FloatArray) -> dict[str, float]:
     outside, inside = np.maximum(distance, 0.0), np.maximum(-distance, 0.0)
     figures = {
-        "outside_share": float(area[distance > 0.0].sum() / max(area.sum(), 1e-12)),
+        "outside_share": float(area[distance > AT_ALL].sum() / max(area.sum(), 1e-12)),
         "outside_mm_p99": 1e3 * _percentile(outside, area, 99.0),
         "outside_mm_max": 1e3 * float(outside.max()),
         "inside_mm_median": 1e3 * _percentile(inside, area, 50.0),

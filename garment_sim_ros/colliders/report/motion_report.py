@@ -18,7 +18,7 @@ from garment_sim_ros.contact.ellipsoid_refit import REFIT_KEYS
 from garment_sim_ros.contact.shapes import Collider, ColliderSet
 from garment_sim_ros.geometry.triangles import vertex_areas
 
-_AT_ALL = 1e-5
+AT_ALL = 1e-5
 """Skin that leaves the shapes by no more than this is inside [m]: single precision."""
 SHOWS = 0.002
 """Skin that leaves the shapes by more shows through cloth that lies on them [m]: what cloth keeps
@@ -82,7 +82,7 @@ def _outside(body: Body, colliders: ColliderSet, poses: Sequence[FloatArray]) ->
     order = np.argsort(outside)
     rank = np.searchsorted(np.cumsum(area[order]), 0.99 * area.sum())
     return {
-        "outside_share": round(float(area[outside > _AT_ALL].sum() / area.sum()), 5),
+        "outside_share": round(float(area[outside > AT_ALL].sum() / area.sum()), 5),
         "outside_mm_mean": round(1e3 * float(outside @ area / area.sum()), 4),
         "outside_mm_p99": round(1e3 * float(outside[order[min(rank, len(order) - 1)]]), 3),
         "outside_mm_max": round(1e3 * float(outside.max()), 2),

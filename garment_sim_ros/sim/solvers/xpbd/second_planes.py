@@ -10,7 +10,7 @@ is still near, as a plane that touches it: between two searches, particles meet 
 import numpy as np
 
 from garment_sim_ros.contact.distance import shape_distance
-from garment_sim_ros.contact.sides import UNDER
+from garment_sim_ros.contact.sides import OPPOSED, UNDER
 from garment_sim_ros.jit import lean_kernel
 from garment_sim_ros.sim.solvers.xpbd.planes import follow_shapes
 
@@ -22,7 +22,8 @@ _NEAR = np.float32(0.25)
 def _other(bodies, planes, second, before, p):
     """The shape that particle p touched before the one that it touches now, -1 for none.
 
-    What the guard keeps has none: it is held by that; nor what shapes press from two sides.
+    What the guard keeps has none: it is held by that; nor what shapes press from two sides. What
+    passes a garment by is none.
     """
     now = planes.shape[p]
     if bodies.guard.kept[p] >= 0 or (now >= 0 and planes.depth[p] == np.float32(np.inf)):
@@ -30,7 +31,7 @@ def _other(bodies, planes, second, before, p):
     c = before[p]
     if c < 0 or c == now:
         c = second.shape[p]
-    if c < 0 or c == now or bodies.sides.side[c, p] != UNDER:
+    if c < 0 or c == now or bodies.sides.side[c, p] not in (UNDER, OPPOSED):
         return -1
     return c
 
