@@ -29,7 +29,7 @@ _TWIST = {
 """Degrees that a bone turns about itself to each side, by humanoid bone without its side."""
 _USED = {"spine": 0.7, "chest": 0.7}
 """Share of their range that joints of the trunk use, as all turn at once."""
-_COLLAR = 20.0
+_COLLAR = 10.0
 """Degrees that a collar bone turns up and down, forwards and backwards."""
 _BEHIND = 0.6
 """How far an upper arm points backwards at most: the part of its unit direction."""

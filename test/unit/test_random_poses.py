@@ -92,8 +92,8 @@ def test_collar_bones_turn_up_and_down_forwards_and_backwards_alike(mannequin):
         up = np.degrees(np.arcsin(ways[:, 2]) - np.arcsin(before[2] / np.linalg.norm(before)))
         ahead = np.arctan2(ways[:, 0], out * ways[:, 1]) - np.arctan2(before[0], abs(before[1]))
         for turn in (up, np.degrees(ahead)):
-            assert 15.0 < turn.max() < 22.0
-            assert -22.0 < turn.min() < -15.0
+            assert 8.0 < turn.max() < 11.0
+            assert -11.0 < turn.min() < -8.0
 
 
 def test_a_body_without_a_rig_stays_as_it_is(data_file):
