@@ -2,7 +2,7 @@
 
 from hostile.apart import told_by
 
-MUTANTS = 25
+MUTANTS = 15
 """Of each format; `make fuzz` tries many more."""
 
 

@@ -64,6 +64,7 @@ def kernels(tmp_path_factory):
     return tmp_path_factory.mktemp("kernels")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="asks for kernels of x86-64")
 @pytest.mark.parametrize("body", ["mannequin", "mh_female_young.glb"])
 def test_hulls_of_symmetric_bodies_are_those_of_another_processor(kernels, data_file, body):

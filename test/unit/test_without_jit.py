@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 REPOSITORY = Path(__file__).resolve().parents[2]
 TWINS = [
     REPOSITORY / "test" / "property" / f"test_{name}.py"
@@ -38,6 +40,7 @@ assert compiled(rotate, 0.0) is rotate
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_twins_agree_without_compiling():
     words = ["-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"]
     done = run(*words, *map(str, TWINS))
