@@ -68,7 +68,9 @@ def random_poses(body: Body, count: int, *, seed: int = 0) -> FloatArray:
             joint, arm = (
                 body.rig.index(body.humanoid[side + b]) for b in ("Shoulder", "UpperArm")
             )
-            turn[joint] = _shrugged(rest[arm, :3, 3] - rest[joint, :3, 3], count, rng)
+            along_collar = rest[arm, :3, 3] - rest[joint, :3, 3]
+            if np.linalg.norm(along_collar) > 1e-6:
+                turn[joint] = _shrugged(along_collar, count, rng)
     motion = np.tile(np.eye(4), (count, len(rest), 1, 1))
     for j, above in enumerate(body.rig.parent):
         if above >= 0:

@@ -1,5 +1,7 @@
 """Random poses stay within the joints' range and keep the body together."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -94,6 +96,15 @@ def test_collar_bones_turn_up_and_down_forwards_and_backwards_alike(mannequin):
         for turn in (up, np.degrees(ahead)):
             assert 8.0 < turn.max() < 11.0
             assert -11.0 < turn.min() < -8.0
+
+
+def test_a_collar_bone_without_length_stays(mannequin):
+    T = mannequin.rig.T_parent_joint.copy()
+    T[mannequin.rig.index("leftUpperArm"), :3, 3] = 0.0
+    body = dataclasses.replace(mannequin, rig=dataclasses.replace(mannequin.rig, T_parent_joint=T))
+    turns = local_turns(body, random_poses(body, 20))
+    assert turns[:, body.rig.index("leftShoulder")].max() < 1e-5
+    assert turns[:, body.rig.index("rightShoulder")].max() > 5.0
 
 
 def test_a_body_without_a_rig_stays_as_it_is(data_file):
