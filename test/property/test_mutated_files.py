@@ -2,7 +2,7 @@
 
 from hostile.apart import told_by
 
-MUTANTS = 15
+MUTANTS = 25
 """Of each format; `make fuzz` tries many more."""
 
 

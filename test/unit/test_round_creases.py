@@ -216,4 +216,4 @@ def test_a_shirt_on_raised_arms_does_not_look_torn(data_file, detail):
         shown.append(meshes["tshirt"].creased(x))
         before.append(meshes["tshirt"].creased(x - simulation["tshirt"].worn.aside.off))
     assert np.percentile(before, 95) > 0.02 * detail
-    assert np.percentile(shown, 95) < 0.006
+    assert np.percentile(shown, 95) < min(0.4 * np.percentile(before, 95), 0.006)
