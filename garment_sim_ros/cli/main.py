@@ -9,6 +9,7 @@ import threading
 from collections.abc import Sequence
 from typing import NoReturn
 
+from garment_sim_ros.ending import end_process
 from garment_sim_ros.errors import GarmentSimError
 from garment_sim_ros.version import VERSION
 
@@ -72,7 +73,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         0 done, 2 wrong usage or unusable input, 130 interrupted.
     """
-    words = sys.argv[1:] if argv is None else list(argv)
+    if argv is None:
+        return end_process(_run(sys.argv[1:]))
+    return _run(list(argv))
+
+
+def _run(words: list[str]) -> int:
+    """Run one command; returns its exit code."""
     if threading.current_thread() is threading.main_thread():
         # A polite end cleans up as Ctrl-C does.
         signal.signal(signal.SIGTERM, signal.default_int_handler)

@@ -39,6 +39,7 @@ _COLLAR_REACH = (
     1.2  # radii of the neck beyond the neckline, over which the shirt comes to its ease
 )
 _SLEEVE_LENGTH = 0.6  # of the upper arm
+_PINHOLE = 4.0  # spacings: the longest way around a hole that is none of the four openings
 _FIT = 0.5  # 0: follows the waist; 1: straight from the armpits to the hem
 
 # Shares of the trunk's ease.
@@ -103,7 +104,7 @@ def tshirt(measures: Measures, *, vertices: int, length: float, ease: float) -> 
         beyond = arm.along(x) - _SLEEVE_LENGTH * arm.length
         on_sleeve = grid.sampled(trunk - tube, x)
         x, triangles, _ = clipped(x, triangles, np.minimum(beyond, on_sleeve))
-    x, triangles = _largest_part(x, triangles)
+    x, triangles = _without_pinholes(*_largest_part(x, triangles), _PINHOLE * grid.spacing)
     gradient = [np.gradient(field, grid.spacing, axis=axis) for axis in range(3)]
 
     def project(points: FloatArray) -> FloatArray:
@@ -277,3 +278,21 @@ def _largest_part(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray
     largest = np.argmax(np.bincount(part[triangles[:, 0]]))
     used, compact = np.unique(triangles[part[triangles[:, 0]] == largest], return_inverse=True)
     return vertices[used], compact.reshape(-1, 3).astype(np.int32)
+
+
+def _without_pinholes(
+    vertices: FloatArray, triangles: IntArray, longest: float
+) -> tuple[FloatArray, IntArray]:
+    """Closes holes that are shorter around than `longest` [m], as where a neckline grazes a fold.
+
+    The four longest are the shirt's openings.
+    """
+    for loop in boundary_loops(triangles)[4:]:
+        corners = vertices[loop]
+        around = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).sum()
+        if around < longest:
+            middle = np.full(len(loop), len(vertices))
+            fan = np.stack([np.roll(loop, -1), loop, middle], axis=1).astype(np.int32)
+            vertices = np.concatenate([vertices, corners.mean(axis=0, keepdims=True)])
+            triangles = np.concatenate([triangles, fan])
+    return vertices, triangles

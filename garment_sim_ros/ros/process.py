@@ -13,6 +13,7 @@ import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 
+from garment_sim_ros.ending import end_process
 from garment_sim_ros.errors import GarmentSimError
 from garment_sim_ros.nodes import NODES, version
 from garment_sim_ros.ros.arguments import in_short, plain_numbers
@@ -86,6 +87,14 @@ def run(
     Returns:
         Exit code: 0, or 2 for a parameter or file that is not allowed, after one line about it.
     """
+    code = _run(name, make_node, argv, steps_back)
+    return end_process(code) if argv is None else code
+
+
+def _run(
+    name: str, make_node: Callable[[], ManagedNode[Any]], argv: list[str] | None, steps_back: bool
+) -> int:
+    """As `run`; returns the exit code."""
     words = sys.argv[1:] if argv is None else argv
     if asked := {"-h", "--help", "--version"}.intersection(words):
         print(version() if asked == {"--version"} else NODES[name].help())
