@@ -148,6 +148,9 @@ class _Avatar:
     clear_arms: bool = parameter(
         True, "Turn arms about the shoulder out of hips, trunk and thighs that they are in."
     )
+    clear_thighs: bool = parameter(
+        True, "Bend the trunk back where a thigh is more than 2.5 cm deep in it."
+    )
     colliders: str = parameter(
         "", "Collider file, as written by `garment-sim fit`; empty: fitted at the start."
     )

@@ -44,12 +44,12 @@ _LONGEST = 0.25
 _ALONG_ARM = (0.0, 0.35, 0.7, 1.0)
 _ON_HAND = 5
 """Spheres in a hand: one in its middle, the others at what sticks out, as the thumb does."""
-_LEAST_SKIN = 4
+LEAST_SKIN = 4
 """Vertices that a part has at least."""
 
 
 @dataclass(frozen=True)
-class _Part:
+class Part:
     """A part of the trunk.
 
     Attributes:
@@ -96,7 +96,7 @@ def _sphere_of_directions() -> FloatArray:
 
 
 _NORMALS = _sphere_of_directions()
-_NORMALS_BY_AXIS = np.ascontiguousarray(_NORMALS.T)
+NORMALS_BY_AXIS = np.ascontiguousarray(_NORMALS.T)
 
 
 class Arms:
@@ -114,9 +114,9 @@ class Arms:
         T = rest_transforms(body.rig)
         scale = max(float(np.ptp(body.skin.vertices[:, 2])), 1e-6) / PERSON_HEIGHT
         self._gap, self._near = scale * _GAP, scale * _NEAR
-        skins = _skin_of_bones(body)
-        trunk = [bone for bone in _TRUNK if len(skins.get(bone, ())) >= _LEAST_SKIN]
-        self._parts = tuple(_part(body, T, bone, skins[bone]) for bone in trunk)
+        skins = skin_of_bones(body)
+        trunk = [bone for bone in _TRUNK if len(skins.get(bone, ())) >= LEAST_SKIN]
+        self._parts = tuple(part_of(body, T, bone, skins[bone]) for bone in trunk)
         self._joint_of_part = np.array([part.joint for part in self._parts], np.int32)
         self._support = np.array([part.support for part in self._parts])
         self._arms = tuple(_arm(body, T, side, skins) for side in SIDES)
@@ -244,7 +244,7 @@ class Arms:
 
     def _trunk(self, T: FloatArray) -> Trunk:
         """The parts where they are now."""
-        return Trunk(T[self._joint_of_part], _NORMALS_BY_AXIS, self._support)
+        return Trunk(T[self._joint_of_part], NORMALS_BY_AXIS, self._support)
 
     @staticmethod
     def _gaps(
@@ -256,7 +256,7 @@ class Arms:
         return gaps
 
 
-def _from_axis(x: FloatArray, part: _Part, T: FloatArray) -> FloatArray:
+def _from_axis(x: FloatArray, part: Part, T: FloatArray) -> FloatArray:
     """Unit vectors from a part's axis to points [m, 3]; zero on it."""
     start, end = part.axis @ T[part.joint, :3, :3].T + T[part.joint, :3, 3]
     along = end - start
@@ -265,7 +265,7 @@ def _from_axis(x: FloatArray, part: _Part, T: FloatArray) -> FloatArray:
     return away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
 
 
-def _skin_of_bones(body: Body) -> dict[str, FloatArray]:
+def skin_of_bones(body: Body) -> dict[str, FloatArray]:
     """Skin that each major bone moves most, with all small ones on it, by humanoid name [m]."""
     bones = major_bones(body)
     skin = body.skin
@@ -279,13 +279,13 @@ def _skin_of_bones(body: Body) -> dict[str, FloatArray]:
     }
 
 
-def _part(body: Body, T: FloatArray, bone: str, skin: FloatArray) -> _Part:
+def part_of(body: Body, T: FloatArray, bone: str, skin: FloatArray) -> Part:
     """A part of the trunk."""
     joint = body.rig.index(body.humanoid[bone])
     x = (skin - T[joint, :3, 3]) @ T[joint, :3, :3]
     up = 0.5 * np.ptp(skin[:, 2]) * T[joint, 2, :3]
     axis = x.mean(axis=0) + np.stack([-up, up])
-    return _Part(joint, axis, (x @ _NORMALS.T).max(axis=0))
+    return Part(joint, axis, (x @ _NORMALS.T).max(axis=0))
 
 
 def _arm(body: Body, T: FloatArray, side: str, skins: dict[str, FloatArray]) -> _Arm | None:
@@ -296,15 +296,15 @@ def _arm(body: Body, T: FloatArray, side: str, skins: dict[str, FloatArray]) -> 
         return None
     upper, lower, hand = (body.rig.index(body.humanoid[bone]) for bone in bones)
     fore, palm = (skins.get(bone, np.zeros((0, 3))) for bone in bones[1:])
-    if len(fore) < _LEAST_SKIN:
+    if len(fore) < LEAST_SKIN:
         return None
     elbow, wrist = T[lower, :3, 3], T[hand, :3, 3]
-    radius = _thickness(fore, elbow, wrist)
+    radius = thickness(fore, elbow, wrist)
     spheres = [(lower, elbow + s * (wrist - elbow), radius) for s in _ALONG_ARM]
-    if len(palm) >= _LEAST_SKIN:
+    if len(palm) >= LEAST_SKIN:
         tip = palm[np.argmax(np.linalg.norm(palm - wrist, axis=1))]
         # Hands are flat, and lie flat on what they touch.
-        radius = _thickness(palm, wrist, tip)
+        radius = thickness(palm, wrist, tip)
         spheres += [(hand, x, radius) for x in _spread(palm, radius)]
     return _Arm(
         joint=upper,
@@ -331,7 +331,7 @@ def _spread(palm: FloatArray, radius: float) -> FloatArray:
     return np.asarray(middle + out * np.maximum(1.0 - radius / np.maximum(far, 1e-9), 0.0))
 
 
-def _thickness(skin: FloatArray, start: FloatArray, end: FloatArray) -> float:
+def thickness(skin: FloatArray, start: FloatArray, end: FloatArray) -> float:
     """Median distance of skin from the line between two points [m]."""
     along = end - start
     along /= max(float(np.linalg.norm(along)), 1e-9)

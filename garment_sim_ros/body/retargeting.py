@@ -10,7 +10,8 @@ joint t and the frames F:
 
 Lengths stay the target's. The midpoint between the hip joints moves as the source's, scaled by the
 ratio of leg lengths, so that a foot on the ground stays on it, but for what the proportions
-differ; where the time is given, `body.feet` mends that, and `body.arms` arms in the trunk.
+differ; where the time is given, `body.feet` mends that, and `body.arms` arms in the trunk,
+`body.tucks` thighs in it.
 
 Joints of a rig with one-degree-of-freedom chains (URDF) are turned freely, not within their axes
 and limits: the last link of a ball joint gets the whole rotation, links between follow their
@@ -48,6 +49,7 @@ from garment_sim_ros.body.retarget_pass import (
 from garment_sim_ros.body.rig import ROTATION, TRANSLATION, Rig
 from garment_sim_ros.body.skeleton import Skeleton
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.body.tucks import Tucks
 from garment_sim_ros.geometry.transforms import invert_transform, quaternion_from_matrix
 
 _BLENDED = {*TRUNK, "hips", "neck", "head"}
@@ -78,6 +80,7 @@ class Retargeter:
         scale: Target leg length over source leg length.
         feet: What grounds the feet.
         arms: What keeps arms out of the trunk.
+        tucks: What keeps thighs out of it.
         notes: What was assumed, one sentence each.
 
     Raises:
@@ -144,6 +147,7 @@ class Retargeter:
             end_sites=reference.end_sites,
         )
         self.arms = Arms(target)
+        self.tucks = Tucks(target)
         driven = {rest.bones[t] for _, t in pairs}
         driving = {source.bones[s] for s, _ in pairs}
         names = source_rig.joint_names
@@ -168,6 +172,7 @@ class Retargeter:
         *,
         ground_feet: bool = True,
         clear_arms: bool = True,
+        clear_thighs: bool = True,
     ) -> FloatArray:
         """Poses of the target's joints for channel values of the source.
 
@@ -177,6 +182,7 @@ class Retargeter:
                 where the angles put them.
             ground_feet: Whether feet that stand are put on the ground, see `body.feet`.
             clear_arms: Whether arms that are in the trunk are turned out of it, see `body.arms`.
+            clear_thighs: Whether the trunk is bent back off thighs in it, see `body.tucks`.
 
         Returns:
             `T_world_joint`, shape [n, 4, 4], overwritten by the next call.
@@ -190,6 +196,8 @@ class Retargeter:
         )  # fmt: skip
         if time is not None and ground_feet:
             self.feet.ground(T_source, self._T_world_joint, time)
+        if time is not None and clear_thighs:
+            self.tucks.clear(self._T_world_joint)
         if time is not None and clear_arms:
             self.arms.clear(self._T_world_joint, time)
         return self._T_world_joint

@@ -218,4 +218,9 @@ def _retargeted(
     ):
         if bones:
             log.info(f"not mapped in {what}: {', '.join(bones)}")
-    return partial(retargeter.world_joints, ground_feet=p.ground_feet, clear_arms=p.clear_arms)
+    return partial(
+        retargeter.world_joints,
+        ground_feet=p.ground_feet,
+        clear_arms=p.clear_arms,
+        clear_thighs=p.clear_thighs,
+    )

@@ -1,0 +1,138 @@
+"""Trunks are bent back off thighs that are pressed into them."""
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from garment_sim_ros.body.kinematics import rest_transforms
+from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.body.major_bones import major_bones
+from garment_sim_ros.body.skin import Body
+from garment_sim_ros.body.skinning import Skinner
+from garment_sim_ros.body.tucks import Tucks
+from garment_sim_ros.mocap.clip_poses import retargeter
+from garment_sim_ros.mocap.clips import load_clip
+from garment_sim_ros.mocap.sampling import ClipSampler
+
+TRUNK = ("spine", "chest", "upperChest")
+SIDES = ("left", "right")
+DEEP = {"mannequin": 140.0, "mh_female_young": 125.0}
+"""How far thighs are turned up that are deep in the trunk [degrees]."""
+
+
+@pytest.fixture(scope="module", params=["mannequin", "mh_female_young.glb"])
+def body(request, data_file):
+    name = request.param
+    return load_body(name if name == "mannequin" else data_file("bodies", name))
+
+
+def joint(body, bone):
+    return body.rig.index(body.humanoid[bone])
+
+
+def tucked(body, degrees):
+    """The rest pose with both thighs turned up about the line between the hips."""
+    T = rest_transforms(body.rig).copy()
+    left, right = (joint(body, f"{side}UpperLeg") for side in SIDES)
+    axis = T[left, :3, 3] - T[right, :3, 3]
+    R = Rotation.from_rotvec(-np.radians(degrees) * axis / np.linalg.norm(axis)).as_matrix()
+    for hip in (left, right):
+        below = np.flatnonzero(body.rig.below(hip))
+        at = T[hip, :3, 3].copy()
+        T[below, :3, 3] = (T[below, :3, 3] - at) @ R.T + at
+        T[below, :3, :3] = R @ T[below, :3, :3]
+    return T
+
+
+def depth(body, T):
+    """How far the thighs' skin, but near the hips, is in convex hulls of the trunk's [m]."""
+    bones = major_bones(body)
+    main = body.skin.bone[np.arange(len(body.skin.vertices)), body.skin.weight.argmax(axis=1)]
+    owner = np.array([bones.names[k] for k in bones.owner[main]])
+    x = Skinner(body.skin).vertices(T)
+    rest = np.asarray(body.skin.vertices, np.float64)
+    R = rest_transforms(body.rig)
+    thighs = []
+    for side in SIDES:
+        hip, knee = (R[joint(body, f"{side}{b}"), :3, 3] for b in ("UpperLeg", "LowerLeg"))
+        share = (rest - hip) @ (knee - hip) / ((knee - hip) @ (knee - hip))
+        thighs.append((owner == body.humanoid[f"{side}UpperLeg"]) & (share > 0.35))
+    found = -np.inf
+    for bone in TRUNK:
+        group = owner == body.humanoid.get(bone)
+        if np.count_nonzero(group) > 8:
+            planes = ConvexHull(x[group]).equations
+            inside = -(x[thighs[0] | thighs[1]] @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+            found = max(found, inside.max())
+    return found
+
+
+def test_thighs_end_up_as_deep_as_flesh_gives(body):
+    tucks = Tucks(body)
+    T = tucked(body, DEEP[body.name])
+    assert depth(body, T) > 0.04
+    before = T.copy()
+    tucks.clear(T)
+    assert 0.05 < tucks.bend < np.radians(30.0)
+    # Spheres have 2.5 cm; they are about as thick as the thighs.
+    assert 0.015 < depth(body, T) < 0.03
+    # Legs and hips are where they were; the head went backwards.
+    below = body.rig.below(joint(body, "spine"))
+    assert (T[~below] == before[~below]).all()
+    knee = T[joint(body, "leftLowerLeg"), :3, 3]
+    head = joint(body, "head")
+    assert np.linalg.norm(T[head, :3, 3] - knee) > np.linalg.norm(before[head, :3, 3] - knee)
+    R = T[below, :3, :3]
+    np.testing.assert_allclose(
+        R @ np.swapaxes(R, 1, 2), np.tile(np.eye(3), (len(R), 1, 1)), atol=1e-9
+    )
+
+
+def test_the_bend_comes_and_goes_evenly(body):
+    tucks = Tucks(body)
+    bends = []
+    for degrees in np.arange(60.0, 136.0, 1.0):
+        tucks.clear(tucked(body, degrees))
+        bends.append(np.degrees(tucks.bend))
+    assert bends[0] == 0.0
+    assert np.abs(np.diff(bends)).max() < 4.0
+    assert np.diff(bends).min() > -0.5
+
+
+def test_it_is_the_same_wherever_the_body_is(body):
+    tucks = Tucks(body)
+    T = tucked(body, DEEP[body.name])
+    turn = np.eye(4)
+    turn[:3, :3] = Rotation.from_rotvec([1.0, -2.0, 0.7]).as_matrix()
+    turn[:3, 3] = 10.0, -20.0, 3.0
+    moved = turn @ T
+    tucks.clear(T)
+    bend = tucks.bend
+    tucks.clear(moved)
+    assert tucks.bend == pytest.approx(bend, abs=1e-9)
+    np.testing.assert_allclose(moved, turn @ T, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "clip", ["deepmimic_walk.bvh", "deepmimic_run.bvh", "rokoko_jesse_dance.bvh"]
+)
+def test_other_motions_stay_as_they_are(body, clip, data_file):
+    clip = load_clip(data_file("mocap", clip))
+    sampler = ClipSampler(clip)
+    one, other = retargeter(clip, body), retargeter(clip, body)
+    for time in np.arange(0.0, min(clip.duration, 3.0), 1 / 30):
+        q = sampler.sample(clip.times[0] + time)
+        with_it = one.world_joints(q, time)
+        assert one.tucks.bend == 0.0
+        assert (with_it == other.world_joints(q, time, clear_thighs=False)).all()
+
+
+def test_a_body_without_thighs_is_left_alone():
+    body = load_body("mannequin")
+    bones = {bone: name for bone, name in body.humanoid.items() if "UpperLeg" not in bone}
+    lame = Body(name="lame", rig=body.rig, skin=body.skin, humanoid=bones)
+    T = tucked(body, 140.0)
+    before = T.copy()
+    Tucks(lame).clear(T)
+    assert (before == T).all()
