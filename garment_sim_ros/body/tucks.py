@@ -64,7 +64,8 @@ class Tucks:
         self._mover = np.repeat(self._hips, [len(radius) for _, _, radius in spheres])
         self._centre = np.concatenate([centre for _, centre, _ in spheres])
         self._radius = np.concatenate([radius for _, _, radius in spheres])
-        self._works = len(self._radius) > 0
+        # Of a rig whose legs hang on its spine, all would be bent.
+        self._works = len(self._radius) > 0 and not np.isin(self._hips, self._above).any()
         if self._works:
             self._gaps(T, _ANGLES[:1])  # compiled or loaded: not in the midst of a motion
 

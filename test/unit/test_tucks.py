@@ -1,5 +1,7 @@
 """Trunks are bent back off thighs that are pressed into them."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
@@ -135,4 +137,17 @@ def test_a_body_without_thighs_is_left_alone():
     T = tucked(body, 140.0)
     before = T.copy()
     Tucks(lame).clear(T)
+    assert (before == T).all()
+
+
+def test_legs_that_hang_on_the_spine_are_left_alone():
+    body = load_body("mannequin")
+    parent = body.rig.parent.copy()
+    for side in SIDES:
+        parent[joint(body, f"{side}UpperLeg")] = joint(body, "spine")
+    below = dataclasses.replace(body.rig, parent=parent)
+    hung = dataclasses.replace(body, rig=below)
+    T = tucked(body, 140.0)
+    before = T.copy()
+    Tucks(hung).clear(T)
     assert (before == T).all()
