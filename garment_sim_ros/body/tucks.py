@@ -79,9 +79,9 @@ class Tucks:
         if not self._works or self._gaps(T_world_joint, _ANGLES[:1])[0] >= -self._deep:
             return
         least = self._gaps(T_world_joint, _ANGLES)
-        clear = np.flatnonzero(least >= -self._deep)
+        clear = np.flatnonzero(least[1:] >= -self._deep)
         if clear.size:
-            k = int(clear[0])
+            k = int(clear[0]) + 1
             share = (-self._deep - least[k - 1]) / (least[k] - least[k - 1])
             self.bend = float(_ANGLES[k - 1] + share * (_ANGLES[k] - _ANGLES[k - 1]))
         else:

@@ -287,7 +287,11 @@ def _without_pinholes(
 
     The four longest are the shirt's openings.
     """
-    for loop in boundary_loops(triangles)[4:]:
+    try:
+        holes = boundary_loops(triangles)[4:]
+    except GeometryError:  # holes that touch may come apart when meshed anew
+        return vertices, triangles
+    for loop in holes:
         corners = vertices[loop]
         around = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).sum()
         if around < longest:
