@@ -6,7 +6,7 @@ import sys
 import pytest
 
 _BEGINS = """
-import sys, threading, time
+import sys, threading
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from garment_sim_ros.ending import end_process
@@ -14,15 +14,13 @@ from garment_sim_ros.ending import end_process
 def spin():
     while True:
         executor.spin_once(timeout_sec=0.001)
-        spins.append(1)
+        spins.set()
 
 rclpy.init()
-executor, spins = SingleThreadedExecutor(), []
+executor, spins = SingleThreadedExecutor(), threading.Event()
 executor.add_node(rclpy.create_node("{name}"))
 threading.Thread(target=spin, daemon=True).start()
-while not spins:
-    time.sleep(0.001)
-print("spins")
+print("spins" if spins.wait(30.0) else "does not spin")
 """
 
 
