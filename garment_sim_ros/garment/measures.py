@@ -24,6 +24,8 @@ _ARM_SLICES = 24
 _LEAST_ARM_ANGLE = np.radians(30.0)
 _ARM_ANGLE = np.radians(45.0)
 _NECK_RADIUS = 0.035  # per body height, where the skin has no neck
+_NECK_RISE = 0.015  # per body height: how far its base may be above its joint
+_SHORT_NECK = 0.75  # of the girth at the shoulders: what is thicker is no neck
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,10 +61,12 @@ class Neck:
     Attributes:
         centre: Middle of the neck at its base [m], shape [3].
         radius: Radius of a circle as long as its girth [m].
+        half_width: Half its extent from side to side at its base, trapezius included [m].
     """
 
     centre: FloatArray
     radius: float
+    half_width: float
 
 
 class Measures:
@@ -235,18 +239,23 @@ class Measures:
 
     @cached_property
     def neck_base(self) -> Neck:
-        """The neck's base: where the trunk has narrowed to half its girth at the shoulders."""
+        """The neck's base: where the trunk has narrowed to half its girth at the shoulders.
+
+        A short neck, such as a small child's, never does: its base is where it is thinnest.
+        """
         z, girth = self.trunk.offset, self.trunk.girth
         wide = np.interp(self.shoulders, z, girth)
-        narrow = np.flatnonzero((z > self.shoulders) & (girth < 0.5 * wide))
+        thinnest = np.append(girth[1:] > girth[:-1], False) & (girth < _SHORT_NECK * wide)
+        narrow = np.flatnonzero((z > self.shoulders) & ((girth < 0.5 * wide) | thinnest))
         i = int(narrow[0]) if narrow.size else len(z) - 1
         radius = girth[i] / (2.0 * np.pi) if narrow.size else _NECK_RADIUS * self.height
         # Trapezius muscles narrow the girth late; the neck's joint is where it bends.
-        height = 0.5 * (z[i] + min(z[i], self.neck))
+        height = min(0.5 * (z[i] + min(z[i], self.neck)), self.neck + _NECK_RISE * self.height)
         s = self.trunk.at(np.array([height]))[0]
         quarter = len(s) // 4
         centre = 0.5 * np.array([s[0] - s[2 * quarter], s[quarter] - s[3 * quarter], 2.0 * height])
-        return Neck(centre=centre, radius=float(radius))
+        half_width = 0.5 * float(s[quarter] + s[3 * quarter])
+        return Neck(centre=centre, radius=float(radius), half_width=half_width)
 
     @cached_property
     def arms(self) -> tuple[Arm, Arm]:

@@ -21,7 +21,12 @@ from garment_sim_ros.garment.slices import NORMALS, Profile
 from garment_sim_ros.geometry.connectivity import components
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.remesh import remeshed
-from garment_sim_ros.geometry.topology import boundary_loops, mesh_topology, non_manifold_edges
+from garment_sim_ros.geometry.topology import (
+    boundary_loops,
+    mesh_topology,
+    non_manifold_edges,
+    pinched_vertices,
+)
 
 _MOST_NODES = 5_000_000
 
@@ -34,6 +39,7 @@ _UNION_ROUNDING = 0.03
 _SKIN_ROUNDING = 0.008
 _COLLAR_TILT = np.radians(25.0)  # forward
 _COLLAR_DEPTH = 0.35  # radii of the neck below its base
+_COLLAR_RISE = 0.3  # radii of the neck above its base, below which a neckline is
 _COLLAR_LENGTH = 1.15  # of the neckline from back to front, over its width
 _COLLAR_REACH = (
     1.2  # radii of the neck beyond the neckline, over which the shirt comes to its ease
@@ -99,12 +105,14 @@ def tshirt(measures: Measures, *, vertices: int, length: float, ease: float) -> 
     field = _shirt_field(measures, grid, points, trunk, arms, tubes, ease)
     x, triangles = surface_net(field, grid.origin, grid.spacing)
     x, triangles, _ = clipped(x, triangles, hem - x[:, 2])
-    x, triangles, _ = clipped(x, triangles, _in_neckline(measures, x))
+    at_neck = np.maximum(_in_neckline(measures, x), _above_neckline(measures, x))
+    x, triangles, _ = clipped(x, triangles, at_neck)
     for arm, tube in zip(arms, tubes):
         beyond = arm.along(x) - _SLEEVE_LENGTH * arm.length
         on_sleeve = grid.sampled(trunk - tube, x)
         x, triangles, _ = clipped(x, triangles, np.minimum(beyond, on_sleeve))
-    x, triangles = _without_pinholes(*_largest_part(x, triangles), _PINHOLE * grid.spacing)
+    x, triangles = _without_pinches(*_largest_part(x, triangles))
+    x, triangles = _without_pinholes(x, triangles, _PINHOLE * grid.spacing)
     gradient = [np.gradient(field, grid.spacing, axis=axis) for axis in range(3)]
 
     def project(points: FloatArray) -> FloatArray:
@@ -117,9 +125,10 @@ def tshirt(measures: Measures, *, vertices: int, length: float, ease: float) -> 
     x, triangles = remeshed(x, triangles, vertices, project)
     loops = len(boundary_loops(triangles))
     if loops != 4 or len(non_manifold_edges(triangles)):
+        found = f"{loops} openings" if loops != 4 else "edges of more than two triangles"
         raise GeometryError(
-            f"{measures.body.name}: a shirt around this body has {loops} openings; allowed: a "
-            "body on which hem, neck and two sleeves are apart"
+            f"{measures.body.name}: a shirt around this body has {found}; allowed: a body on "
+            "which hem, neck and two sleeves are apart"
         )
     return GarmentMesh(vertices=x, triangles=triangles)
 
@@ -266,11 +275,28 @@ def _in_neckline(measures: Measures, x: FloatArray) -> FloatArray:
     offset = x - neck.centre
     up = offset @ np.array([np.sin(_COLLAR_TILT), 0.0, np.cos(_COLLAR_TILT)])
     forward = offset @ np.array([np.cos(_COLLAR_TILT), 0.0, -np.sin(_COLLAR_TILT)])
-    wide = 1.1 * neck.radius + _COLLAR_EASE * measures.unit
+    wide = _neckline_width(measures)
     # The front is lower than the back, which stays where it is.
     along = forward / _COLLAR_LENGTH - (_COLLAR_LENGTH - 1.0) * wide
     within = wide - np.hypot(along, offset[..., 1])
     return np.minimum(within, up + _COLLAR_DEPTH * neck.radius)
+
+
+def _above_neckline(measures: Measures, x: FloatArray) -> FloatArray:
+    """How far points are in what is above a neckline and about it; negative outside [m].
+
+    Skin is cut off at the neck, so that above it its distance says nothing of inside and outside.
+    """
+    neck = measures.neck_base
+    about = np.hypot(*(x[:, :2] - neck.centre[:2]).T)
+    rise = x[:, 2] - neck.centre[2] - _COLLAR_RISE * neck.radius
+    return np.minimum(1.5 * _neckline_width(measures) - about, rise)
+
+
+def _neckline_width(measures: Measures) -> float:
+    """Half of it [m]. A thick neck's girth is that of where it is thinner than at its base."""
+    neck = measures.neck_base
+    return max(1.1 * neck.radius + _COLLAR_EASE * measures.unit, neck.half_width)
 
 
 def _largest_part(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
@@ -280,6 +306,14 @@ def _largest_part(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray
     return vertices[used], compact.reshape(-1, 3).astype(np.int32)
 
 
+def _without_pinches(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+    """Makes one hole of those that touch in a vertex, which is left out with its triangles."""
+    while (pinched := pinched_vertices(triangles)).size:
+        kept = ~np.isin(triangles, pinched).any(axis=1)
+        vertices, triangles = _largest_part(vertices, triangles[kept])
+    return vertices, triangles
+
+
 def _without_pinholes(
     vertices: FloatArray, triangles: IntArray, longest: float
 ) -> tuple[FloatArray, IntArray]:
@@ -287,11 +321,7 @@ def _without_pinholes(
 
     The four longest are the shirt's openings.
     """
-    try:
-        holes = boundary_loops(triangles)[4:]
-    except GeometryError:  # holes that touch may come apart when meshed anew
-        return vertices, triangles
-    for loop in holes:
+    for loop in boundary_loops(triangles)[4:]:
         corners = vertices[loop]
         around = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).sum()
         if around < longest:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import IntArray
 from garment_sim_ros.errors import GeometryError
@@ -119,6 +120,19 @@ def non_manifold_edges(triangles: IntArray) -> IntArray:
     return np.unique(np.sort(directed[count > 1], axis=1), axis=0).astype(np.int32)
 
 
+def pinched_vertices(triangles: IntArray) -> NDArray[np.int64]:
+    """Vertices at which boundary loops touch: two fans of triangles meet in a point; ascending."""
+    vertex, count = np.unique(_boundary_edges(triangles)[:, 0], return_counts=True)
+    return vertex[count > 1]
+
+
+def _boundary_edges(triangles: IntArray) -> NDArray[np.int64]:
+    """Edges of one triangle, in its direction, by rising first vertex, shape [e, 2]."""
+    half = np.unique(_half_edges(triangles)[0].astype(np.int64), axis=0)
+    n = int(half.max(initial=0)) + 1
+    return half[~np.isin(half[:, 0] * n + half[:, 1], half[:, 1] * n + half[:, 0])]
+
+
 def boundary_loops(triangles: IntArray) -> list[IntArray]:
     """Closed boundary loops, each as its vertices in the direction of its triangles' edges.
 
@@ -128,9 +142,7 @@ def boundary_loops(triangles: IntArray) -> list[IntArray]:
     Raises:
         GeometryError: A vertex lies on more than one loop (two fans meet in a point).
     """
-    half = np.unique(_half_edges(triangles)[0].astype(np.int64), axis=0)
-    n = int(half.max(initial=0)) + 1
-    outer = half[~np.isin(half[:, 0] * n + half[:, 1], half[:, 1] * n + half[:, 0])]
+    outer = _boundary_edges(triangles)
     twice = np.flatnonzero(outer[1:, 0] == outer[:-1, 0])
     if twice.size:
         raise GeometryError(
