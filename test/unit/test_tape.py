@@ -47,13 +47,15 @@ def test_heights_come_in_order(mannequin):
     assert left.direction * [1, -1, 1] == pytest.approx(right.direction, abs=0.02)
 
 
-def test_a_girth_is_that_of_a_tape_around_it():
-    """A body of boxes: trunk, head, legs and arms of known sizes."""
-    boxes = [
-        *([-0.1, -0.17, 0.8, 0.1, 0.17, 1.4], [-0.1, -0.1, 1.4, 0.1, 0.1, 1.7]),
-        *([-0.08, 0.02, 0.0, 0.08, 0.16, 0.8], [-0.08, -0.16, 0.0, 0.08, -0.02, 0.8]),
-        *([-0.04, 0.22, 0.8, 0.04, 0.3, 1.35], [-0.04, -0.3, 0.8, 0.04, -0.22, 1.35]),
-    ]
+# Trunk, head, legs and arms of a body: lowest and highest corners [m].
+BOXES = (
+    *((-0.1, -0.17, 0.8, 0.1, 0.17, 1.4), (-0.1, -0.1, 1.4, 0.1, 0.1, 1.7)),
+    *((-0.08, 0.02, 0.0, 0.08, 0.16, 0.8), (-0.08, -0.16, 0.0, 0.08, -0.02, 0.8)),
+    *((-0.04, 0.22, 0.8, 0.04, 0.3, 1.35), (-0.04, -0.3, 0.8, 0.04, -0.22, 1.35)),
+)
+
+
+def of_boxes(boxes):
     corner = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     sides = np.array([t for a, b, c, d in quads for t in ([a, b, c], [a, c, d])])
@@ -62,11 +64,29 @@ def test_a_girth_is_that_of_a_tape_around_it():
         low, high = np.array(low_high[:3]), np.array(low_high[3:])
         triangles.append(sides + 8 * len(vertices))
         vertices.append(low + corner * (high - low))
-    tape = measured(np.concatenate(vertices), np.concatenate(triangles))
+    return np.concatenate(vertices), np.concatenate(triangles)
+
+
+def test_a_girth_is_that_of_a_tape_around_it():
+    tape = measured(*of_boxes(BOXES))
     assert tape.waist.girth == pytest.approx(2 * (0.2 + 0.34), rel=1e-6)
     assert tape.height == pytest.approx(1.7)
     assert tape.crotch == pytest.approx(0.8, abs=0.01)
     assert tape.armpit == pytest.approx(1.35, abs=0.01)
+
+
+def test_ears_are_no_arms():
+    """A small child's are large beside it, and low."""
+    neck = (-0.05, -0.05, 1.2, 0.05, 0.05, 1.25)
+    head = (-0.1, -0.1, 1.25, 0.1, 0.1, 1.7)
+    ears = [(-0.03, y, 1.4, 0.03, y + 0.02, 1.52) for y in (-0.13, 0.11)]
+    trunk = (-0.1, -0.17, 0.7, 0.1, 0.17, 1.2)
+    legs = [(*low[:2], 0.0, *high[:2], 0.7) for low, high in ((b[:3], b[3:]) for b in BOXES[2:4])]
+    arms = [(*b[:2], 0.7, *b[3:5], 1.15) for b in BOXES[4:]]
+    tape = measured(*of_boxes([trunk, neck, head, *ears, *legs, *arms]))
+    assert tape.armpit == pytest.approx(1.15, abs=0.01)
+    assert tape.neck.girth == pytest.approx(4 * 0.1, rel=1e-6)
+    assert 1.2 < tape.neck.height < 1.25
 
 
 def test_a_body_lying_down_is_refused(mannequin):

@@ -25,6 +25,7 @@ from garment_sim_ros.garment.patterns.tape_sections import (
 )
 
 _LEVELS = 240
+_NEAR_HEAD, _HEAD = 0.65, 0.92  # of the height: a neck is between
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +125,10 @@ def measured(vertices: FloatArray, triangles: IntArray, name: str = "the body") 
     crotch, legs = _crotch(cuts, mid, height, name)
     trunk = {z: trunk_of(loops, mid) for z, loops in cuts if z > crotch}
     levels = tuple(level_of(z, p) for z, p in trunk.items() if p is not None)
-    armpit, armpit_out = _armpit(cuts, mid, crotch, height, name)
+    # What is beside the head are ears.
+    near_head = [v for v in levels if _NEAR_HEAD < v.height / height < _HEAD]
+    throat = min(near_head, key=lambda v: v.girth).height if near_head else _HEAD * height
+    armpit, armpit_out = _armpit([c for c in cuts if crotch < c[0] <= throat], mid, height, name)
     below = [v for v in levels if v.height < armpit]
     waist = _waist(below, crotch, armpit, name)
     hip = max((v for v in below if v.height <= waist.height), key=lambda v: v.girth)
@@ -186,17 +190,15 @@ def _crotch(
 
 
 def _armpit(
-    cuts: list[tuple[float, Loops]], mid: float, crotch: float, height: float, name: str
+    cuts: list[tuple[float, Loops]], mid: float, height: float, name: str
 ) -> tuple[float, float]:
-    """Where arms leave the trunk: below it they have sections of their own.
+    """Where arms leave the trunk, of cuts from crotch to neck: below it they have their own.
 
     Returns:
         Its height, and its distance from the mid-plane [m].
     """
     apart = []
     for z, loops in cuts:
-        if z <= crotch or z > 0.9 * height:
-            continue
         sides = [
             np.sign(p[:, 1].mean() - mid)
             for p in loops.points
@@ -209,15 +211,14 @@ def _armpit(
         wide = [
             z
             for z, loops in cuts
-            if z > crotch
-            and (t := trunk_of(loops, mid)) is not None
-            and np.ptp(t[:, 1]) > 0.5 * height
+            if (t := trunk_of(loops, mid)) is not None and np.ptp(t[:, 1]) > 0.5 * height
         ]
-        if not wide:
+        beneath = [cut for cut in cuts if wide and cut[0] < wide[0]]
+        if not beneath:
             raise GeometryError(
                 f"{name}: no arms beside its trunk; allowed: a body with arms held away from it"
             )
-        z, loops = next(cut for cut in reversed(cuts) if cut[0] < wide[0])
+        z, loops = beneath[-1]
         trunk = trunk_of(loops, mid)
         assert trunk is not None
         return float(z), float(0.5 * np.ptp(trunk[:, 1]))
@@ -266,7 +267,7 @@ def _bust(chest: list[Level]) -> Level:
 
 def _neck(levels: tuple[Level, ...], armpit: float, height: float, name: str) -> Level:
     """The narrowest section between the shoulders and the head."""
-    above = [v for v in levels if armpit + 0.04 * height < v.height < 0.92 * height]
+    above = [v for v in levels if armpit + 0.04 * height < v.height < _HEAD * height]
     if not above:
         raise GeometryError(f"{name}: no neck above its arms; allowed: a body with a head")
     return min(above, key=lambda v: v.girth)
