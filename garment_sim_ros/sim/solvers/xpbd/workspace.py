@@ -16,6 +16,7 @@ from garment_sim_ros.sim.solvers.xpbd.coarse import (
     prepare_cells,
 )
 from garment_sim_ros.sim.solvers.xpbd.given import Given, Planes
+from garment_sim_ros.sim.solvers.xpbd.hanging import lag
 from garment_sim_ros.sim.solvers.xpbd.hinges import prepare_hinges
 from garment_sim_ros.sim.solvers.xpbd.order import in_fours
 from garment_sim_ros.sim.solvers.xpbd.prepared import Prepared, Triangles
@@ -44,6 +45,7 @@ class XpbdWorkspace(Workspace):
         bands: Those that elastic bands run along; None until triangles are asked for.
         shapes: All triangles; likewise.
         extent: Of the garment at rest, the largest [m].
+        lag: Stretch that uneven masses add, see `hanging.lag` [1/m].
         hinge_weight: Weights of the hinges' curvature, shape [h, 4].
         hinge_stiffness: Their stiffnesses [N/m], shape [h].
         hinge_rate: Angular frequencies at which they swing by themselves [1/s], shape [h].
@@ -78,6 +80,7 @@ class XpbdWorkspace(Workspace):
     bands: Springs | None
     shapes: Shapes | None
     extent: float
+    lag: float
     hinge_weight: FloatArray
     hinge_stiffness: FloatArray
     hinge_rate: FloatArray
@@ -120,6 +123,7 @@ class XpbdWorkspace(Workspace):
             bands=None,
             shapes=None,
             extent=float(np.ptp(model.rest, axis=0).max()),
+            lag=lag(model),
             hinge_weight=np.ascontiguousarray(bending.weight[used]),
             hinge_stiffness=np.ascontiguousarray(bending.stiffness[used]),
             hinge_rate=np.sqrt(bending.stiffness[used] * lightness),
