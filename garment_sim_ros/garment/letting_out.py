@@ -12,14 +12,19 @@ from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.collide import collide
 from garment_sim_ros.contact.contacts import Contacts
+from garment_sim_ros.contact.kinds.ellipsoid import ELLIPSOID
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.contact.sides import Sides
+from garment_sim_ros.contact.union import union_distance
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
 from garment_sim_ros.geometry.connectivity import adjacency
+from garment_sim_ros.geometry.topology import vertex_normals
 
 _ROUNDS = 12
+_STEP, _STEPS = 1e-3, 40
+"""What is inside still is moved outwards by so much at once [m], so many times, if that helps."""
 _SHORTEST = 0.4
 """No edge gets shorter than this share of its length as cut."""
 
@@ -56,7 +61,22 @@ def let_out(
         collide(shapes, posed, sides, single, single.copy(), distance, 0.0, contacts)
         return np.where(contacts.shape[:, None] >= 0, single, x)
 
-    return spread(start, mesh.triangles, outside) + origin
+    def beyond(x: FloatArray) -> FloatArray:
+        y, distance = x.copy(), np.float32(colliders.thickness + thickness)
+        gap, normal = np.empty(len(x), np.float32), np.zeros(x.shape)
+        is_inside = np.zeros(len(x), np.bool_)
+        vertex_normals(x, mesh.triangles, normal)
+        for _ in range(_STEPS):
+            union_distance(shapes, posed, y.astype(np.float32), -1, distance, gap)
+            is_inside = gap < distance - _STEP
+            y[is_inside] += _STEP * normal[is_inside]
+        return np.where(is_inside[:, None], x, y)
+
+    x = spread(start, mesh.triangles, outside)
+    if any(c.kind == ELLIPSOID.name for c in colliders.colliders):
+        # They are thin, and lie in the skin: the short way out of one may lead into the body.
+        x = spread(x, mesh.triangles, beyond)
+    return x + origin
 
 
 def spread(

@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, LongArray, SingleArray
 from garment_sim_ros.colliders.report.surfaces import surface
-from garment_sim_ros.contact.distance import shape_distance
 from garment_sim_ros.contact.ellipsoid_refit import EllipsoidRefit
 from garment_sim_ros.contact.packed import PosedShapes, pack, pose
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.contact.union import union_distance
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.transforms import transform_from, transform_points
-from garment_sim_ros.jit import kernel
 
 _SAMPLES = 20000
 """Points on all surfaces together."""
@@ -58,7 +57,7 @@ class Union:
         """Least signed distance of points [n, 3] to the shapes, without shape `but`, shape [n]."""
         result = np.empty(len(points), np.float32)
         single = np.ascontiguousarray(points, dtype=np.float32)
-        _union_distance(self._shapes, self._posed, single, but, np.float32(_REACH), result)
+        union_distance(self._shapes, self._posed, single, but, np.float32(_REACH), result)
         return result
 
     def samples(self) -> tuple[FloatArray, LongArray]:
@@ -140,27 +139,3 @@ def _areas(mesh: FloatArray) -> FloatArray:
     a, b, c = mesh.transpose(1, 0, 2)
     areas: FloatArray = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     return areas
-
-
-@kernel()
-def _union_distance(shapes, posed, points, but, reach, result):
-    for p in range(points.shape[0]):
-        x, y, z = points[p, 0], points[p, 1], points[p, 2]
-        best = reach
-        for k in range(shapes.kind.size):
-            if k == but:
-                continue
-            qx = x - posed.bound[k, 0]
-            qy = y - posed.bound[k, 1]
-            qz = z - posed.bound[k, 2]
-            t = qx * posed.bound[k, 3] + qy * posed.bound[k, 4] + qz * posed.bound[k, 5]
-            t = min(max(t, np.float32(0.0)), posed.bound[k, 6])
-            qx -= t * posed.bound[k, 3]
-            qy -= t * posed.bound[k, 4]
-            qz -= t * posed.bound[k, 5]
-            far = posed.bound[k, 7] + max(best, np.float32(0.0))
-            if qx * qx + qy * qy + qz * qz > far * far:
-                continue
-            d, _, _, _ = shape_distance(shapes, posed, k, x, y, z, best)
-            best = min(best, d)
-        result[p] = best
