@@ -310,6 +310,8 @@ def _without_pinches(vertices: FloatArray, triangles: IntArray) -> tuple[FloatAr
     """Makes one hole of those that touch in a vertex, which is left out with its triangles."""
     while (pinched := pinched_vertices(triangles)).size:
         kept = ~np.isin(triangles, pinched).any(axis=1)
+        if not kept.any():
+            break
         vertices, triangles = _largest_part(vertices, triangles[kept])
     return vertices, triangles
 

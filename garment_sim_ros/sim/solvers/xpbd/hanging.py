@@ -18,7 +18,7 @@ _LEAK = 1e-9
 
 
 def lag(model: ClothModel) -> float:
-    """Stretch that uneven masses add with one pass a sub-step, by gravity and its square [1/m].
+    """Stretch that uneven masses add with one pass a sub-step, over ``g h^2`` [1/m].
 
     A mass f that hangs by an edge falls by ``g h^2`` more in every sub-step of h. The pass gives
     that way back where the edge is too long by ``f (w0 + w1) g h^2`` with its ends' inverse
@@ -30,7 +30,7 @@ def lag(model: ClothModel) -> float:
         model: The garment.
 
     Returns:
-        That stretch, the 95th percentile over edges, by g h^2; 0 for a garment without pins.
+        The 95th percentile over edges; 0 for a garment without pins.
     """
     springs, free = model.springs, model.free_count
     ends = springs.particles.reshape(-1, 2)[springs.bending :].astype(np.int32)
