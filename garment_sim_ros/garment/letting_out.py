@@ -66,14 +66,16 @@ def let_out(
         """Along the garment's normals; what does not get out so stays where it is."""
         y, step = x.copy(), _STEP * measures.unit
         distance = np.float32(colliders.thickness + thickness)
-        gap, normal = np.empty(len(x), np.float32), np.zeros(x.shape)
-        is_inside = np.zeros(len(x), np.bool_)
+        normal = np.zeros(x.shape)
         vertex_normals(x, mesh.triangles, normal)
+        inside = np.arange(len(x))
         for _ in range(_STEPS):
-            union_distance(shapes, posed, y.astype(np.float32), -1, distance, gap)
-            is_inside = gap < distance - step
-            y[is_inside] += step * normal[is_inside]
-        return np.where(is_inside[:, None], x, y)
+            gap = np.empty(len(inside), np.float32)
+            union_distance(shapes, posed, y[inside].astype(np.float32), -1, distance, gap)
+            inside = inside[gap < distance - step]
+            y[inside] += step * normal[inside]
+        y[inside] = x[inside]
+        return y
 
     x = spread(start, mesh.triangles, outside)
     if any(c.kind == ELLIPSOID.name for c in colliders.colliders):

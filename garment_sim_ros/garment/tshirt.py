@@ -275,7 +275,7 @@ def _in_neckline(measures: Measures, x: FloatArray) -> FloatArray:
     offset = x - neck.centre
     up = offset @ np.array([np.sin(_COLLAR_TILT), 0.0, np.cos(_COLLAR_TILT)])
     forward = offset @ np.array([np.cos(_COLLAR_TILT), 0.0, -np.sin(_COLLAR_TILT)])
-    wide = _neckline_width(measures)
+    wide = _neckline_half_width(measures)
     # The front is lower than the back, which stays where it is.
     along = forward / _COLLAR_LENGTH - (_COLLAR_LENGTH - 1.0) * wide
     within = wide - np.hypot(along, offset[..., 1])
@@ -290,11 +290,11 @@ def _above_neckline(measures: Measures, x: FloatArray) -> FloatArray:
     neck = measures.neck_base
     about = np.hypot(*(x[:, :2] - neck.centre[:2]).T)
     rise = x[:, 2] - neck.centre[2] - _COLLAR_RISE * neck.radius
-    return np.minimum(1.5 * _neckline_width(measures) - about, rise)
+    return np.minimum(1.5 * _neckline_half_width(measures) - about, rise)
 
 
-def _neckline_width(measures: Measures) -> float:
-    """Half of it [m]. A thick neck's girth is that of where it is thinner than at its base."""
+def _neckline_half_width(measures: Measures) -> float:
+    """In metres. A thick neck's girth is that of where it is thinner than at its base."""
     neck = measures.neck_base
     return max(1.1 * neck.radius + _COLLAR_EASE * measures.unit, neck.half_width)
 
