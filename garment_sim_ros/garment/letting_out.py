@@ -23,7 +23,7 @@ from garment_sim_ros.geometry.connectivity import adjacency
 from garment_sim_ros.geometry.topology import vertex_normals
 
 _ROUNDS = 12
-_STEP, _STEPS = 1e-3, 40
+_STEP, _STEPS = 1e-3, 50
 """What is inside of ellipsoids still is moved outwards by so much at once, for a person of 1.65 m
 [m], and so many times at most."""
 _SHORTEST = 0.4
