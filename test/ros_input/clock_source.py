@@ -23,8 +23,8 @@ _LONGEST = 0.4
 class ClockSource:
     """Sends `/clock`, 100 times a second, and `joint_states`; steered from outside.
 
-    What a message shows is that of its stamp: `BEGIN` is the beginning of the walk, wherever the
-    time has jumped since.
+    What a message shows is that of its stamp: the walk goes round and round from time 0 on,
+    wherever the source's time jumps.
 
     Args:
         probe: Whose node sends.
@@ -61,7 +61,7 @@ class ClockSource:
 
     def joints(self, stamp):
         """The message with a stamp [ns]."""
-        return self._message.fill(stamp, self._sampler.sample((stamp - BEGIN) % 10**13 / SECOND))
+        return self._message.fill(stamp, self._sampler.sample(stamp / SECOND))
 
     def step(self, count=1):
         """So many messages on, at once."""
