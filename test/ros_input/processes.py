@@ -16,6 +16,8 @@ from ros_input.nursery import started
 _PATIENCE = 180.0
 """How long a condition may take to come true on a busy machine, not counting the time in which a
 node says that it compiles or fits [s]."""
+_ANSWER = 2.0
+"""After how long a question that may be asked twice is asked again [s]."""
 _AT_WORK = re.compile(r": \d+ s so far$")
 
 
@@ -182,14 +184,44 @@ class Probe:
         return float(values.get(key, 0))
 
     def call(self, kind: Any, name: str, request: Any) -> Any:
-        """Call a service."""
-        client = self.node.create_client(kind, name)
-        assert client.wait_for_service(timeout_sec=_PATIENCE), f"no service {name}"
-        answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        client.call_async(request).add_done_callback(answers.put)
-        result = answers.get(timeout=_PATIENCE).result()
+        """Call a service of a lifecycle node, once."""
+        client = self._client(kind, name)
+        self._meet(name.rpartition("/")[0])
+        result = self._answers(client, request).get(timeout=_PATIENCE).result()
         self.node.destroy_client(client)
         return result
+
+    def _meet(self, node: str) -> None:
+        """Waits until a node has found the clients made so far.
+
+        Until then what they ask may stay without an answer: they know the service before it knows
+        them. A node finds them in the order in which they were made, so an answer to one more,
+        which may ask twice, tells of all.
+        """
+        from lifecycle_msgs.srv import GetState
+
+        client = self._client(GetState, f"{node}/get_state")
+
+        def is_answered() -> bool:
+            try:
+                self._answers(client, GetState.Request()).get(timeout=_ANSWER)
+            except queue.Empty:
+                return False
+            return True
+
+        wait_until(is_answered, f"{node} answers")
+        self.node.destroy_client(client)
+
+    def _client(self, kind: Any, name: str) -> Any:
+        client = self.node.create_client(kind, name)
+        assert client.wait_for_service(timeout_sec=_PATIENCE), f"no service {name}"
+        return client
+
+    @staticmethod
+    def _answers(client: Any, request: Any) -> "queue.SimpleQueue[Any]":
+        answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        client.call_async(request).add_done_callback(answers.put)
+        return answers
 
     def publishers_of(self, name: str) -> list[Any]:
         """What is known of the publishers of a topic."""
