@@ -88,7 +88,10 @@ def from_json(text: str) -> ColliderSet:
             frame_id=_name(top["frame_id"], "frame_id"),
         )
         if colliders.has_skin:
-            SkinnedMesh(colliders)
+            SkinnedMesh.only(colliders)
+        for collider in colliders.colliders:
+            if collider.record.is_bare:
+                SkinnedMesh(colliders, collider)
         refit_entries(colliders)
     except GeometryError as error:
         raise MessageError(REASON, str(error)) from None

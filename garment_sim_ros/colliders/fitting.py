@@ -1,7 +1,7 @@
 """Colliders for a body by the name of a method: what nodes, commands and outfits fit with."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from garment_sim_ros.body.skin import Body
@@ -49,12 +49,15 @@ class Method:
         fit: Fits a body.
         settings: The parameters that are its own; None where it has none.
         variants: Variants of colliders that it is sure to make, see `contact.kinds.kind.Kind`.
+        covers_skin: Whether its shapes are to hold the skin, and what leaves them goes along with
+            the set, see `colliders.bare_skin`.
     """
 
     text: str
     fit: Callable[[Body, ColliderOptions], Fit]
     settings: type[Any] | None = None
     variants: Callable[[ColliderOptions], set[str]]
+    covers_skin: Callable[[ColliderOptions], bool] = lambda o: True
 
 
 def fit_colliders(body: Body, options: ColliderOptions | None = None) -> ColliderSet:
@@ -86,7 +89,12 @@ def fitted(body: Body, options: ColliderOptions) -> Fit:
     method = options.method
     if method not in METHODS:
         raise ParameterError("method", f"found {method!r}", "allowed: " + ", ".join(METHODS))
-    return METHODS[method].fit(body, options)
+    fit = METHODS[method].fit(body, options)
+    if not METHODS[method].covers_skin(options):
+        return fit
+    from garment_sim_ros.colliders.bare_skin import with_bare_skin
+
+    return replace(fit, colliders=with_bare_skin(body, fit.colliders))
 
 
 # Each imports what only it needs: a fit that was kept needs none of it.
@@ -173,6 +181,7 @@ METHODS: Mapping[str, Method] = {
         variants=lambda o: (
             {kinds.HULL.name} if o.joints == "none" else {kinds.HULL.name, kinds.SPHERE.name}
         ),
+        covers_skin=lambda o: o.joints != "none",
     ),
     CAPSULES: Method(
         text="tapered capsules", fit=_capsules, variants=lambda o: {kinds.CAPSULE.name}
@@ -183,7 +192,12 @@ METHODS: Mapping[str, Method] = {
         settings=EllipsoidSettings,
         variants=lambda o: {kinds.ELLIPSOID.name, REFITTED} if o.refit else {kinds.ELLIPSOID.name},
     ),
-    SPHERES: Method(text="spheres in rows", fit=_spheres, variants=lambda o: {kinds.SPHERE.name}),
+    SPHERES: Method(
+        text="spheres in rows",
+        fit=_spheres,
+        variants=lambda o: {kinds.SPHERE.name},
+        covers_skin=lambda o: False,
+    ),
     SDF: Method(
         text="sampled signed distances",
         fit=_grids,
@@ -191,7 +205,10 @@ METHODS: Mapping[str, Method] = {
         variants=lambda o: {kinds.SDF.name},
     ),
     MESH: Method(
-        text="the skin itself, exact and slow", fit=_mesh, variants=lambda o: {kinds.MESH.name}
+        text="the skin itself, exact and slow",
+        fit=_mesh,
+        variants=lambda o: {kinds.MESH.name},
+        covers_skin=lambda o: False,
     ),
 }
 """All methods, by the names that parameters, commands and outfits call them."""

@@ -76,8 +76,13 @@ class Collider:
         return self.record.shape
 
     @property
+    def is_met(self) -> bool:
+        """Whether cloth meets it."""
+        return self.record.is_met
+
+    @property
     def is_frame(self) -> bool:
-        """Whether it is a place that others move with, without a shape."""
+        """Whether it is a place that others move with, and nothing else."""
         return self.record.is_frame
 
 
@@ -177,6 +182,11 @@ class ColliderSet:
     def has_skin(self) -> bool:
         """Whether its shape is the skin itself, see `contact.mesh`."""
         return any(c.record.is_skin for c in self.colliders)
+
+    @cached_property
+    def has_bare_skin(self) -> bool:
+        """Whether skin leaves its shapes that cloth is shown over, see `sim.over_skin`."""
+        return any(c.record.is_bare for c in self.colliders)
 
     @property
     def revision(self) -> str:

@@ -142,7 +142,7 @@ def wear(body: Body, p: ColliderNodeParameters, log: Log) -> PosedAvatar:
     avatar = PosedAvatar(body, colliders, p.marker_rate)
     for note in body.notes:
         log.info(f"{body.name}: {note}")
-    shapes = sum(not c.is_frame for c in colliders.colliders)
+    shapes = sum(c.is_met for c in colliders.colliders)
     log.info(f"{body.name}: {shapes} colliders on {len(body.rig)} joints")
     return avatar
 

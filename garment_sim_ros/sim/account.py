@@ -22,7 +22,7 @@ def account(simulation: Simulation) -> dict[str, Any]:
         not take as the material has it.
     """
     environment = simulation.parameters.environment
-    kinds = [c.kind for c in simulation.collider_set.colliders if not c.is_frame]
+    kinds = [c.kind for c in simulation.collider_set.colliders if c.is_met]
     shapes = ", ".join(f"{kinds.count(kind)} {kind}" for kind in sorted(set(kinds)))
     inertia = environment.root_linear_inertia, environment.root_angular_inertia
     effects = {

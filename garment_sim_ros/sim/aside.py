@@ -1,6 +1,7 @@
 """How far a garment's vertices are shown off the places that simulated ones give them.
 
-Creases are round, see `round_creases`, and cloth lies over the shapes, see `over_shapes`.
+Creases are round, see `round_creases`, and cloth lies over the shapes, see `over_shapes`, and over
+skin that leaves them, see `over_skin`.
 """
 
 import numpy as np
@@ -16,6 +17,7 @@ from garment_sim_ros.sim.detail.surface import Surface
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.motion import to_file_order
 from garment_sim_ros.sim.over_shapes import OverShapes
+from garment_sim_ros.sim.over_skin import OverSkin
 from garment_sim_ros.sim.round_creases import RoundCreases
 
 _STRETCHED = 1.7
@@ -36,14 +38,21 @@ class Aside:
         surface: All its vertices over those; None where they are the same.
         rest: Its vertices at rest [m], shape [v, 3].
         held: Vertices that stay, as pins do.
+        over_skin: What is to lie over skin that leaves the shapes; None where there is none.
 
     Attributes:
         off: What each vertex is off its place [m], shape [v, 3].
         over: The part of it by which cloth lies over the shapes.
+        over_skin: That by which it lies over skin that leaves them; None where there is none.
     """
 
     def __init__(
-        self, model: ClothModel, surface: Surface | None, rest: FloatArray, held: IntArray
+        self,
+        model: ClothModel,
+        surface: Surface | None,
+        rest: FloatArray,
+        held: IntArray,
+        over_skin: OverSkin | None = None,
     ) -> None:
         self._model, self._surface, self._particle = model, surface, model.particle
         if surface is not None:
@@ -51,7 +60,7 @@ class Aside:
             self._particle = model.particle[surface.corner[np.arange(len(surface)), nearest]]
         triangles = model.triangles if surface is None else surface.triangles
         self._creases = RoundCreases(triangles, rest, held)
-        self.over = OverShapes(model, surface)
+        self.over, self.over_skin = OverShapes(model, surface), over_skin
         self.off, self._place, self._x = (np.zeros((len(rest), 3), np.float32) for _ in range(3))
         edges = mesh_topology(triangles).edges
         sides = np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1)
@@ -96,12 +105,19 @@ class Aside:
         self._creases.stay_put(self._x, self._place, self._particle, pressed, kept, time)
         self.over.look(self._x, contacts, colliders, thickness, time)
         find_off(*self._all)
+        if self.over_skin is not None:
+            np.add(self._place, self.off, out=self._x)
+            met = self._creases.normals, self._particle, contacts, thickness
+            self.over_skin.look(self._x, *met, time)
+            self.off += self.over_skin.lift
 
     def forget(self) -> None:
         """Shows all in its place until the next look."""
         self.off[:] = 0.0
         self._creases.forget()
         self.over.forget()
+        if self.over_skin is not None:
+            self.over_skin.forget()
 
 
 @lean_kernel()

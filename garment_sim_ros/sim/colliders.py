@@ -15,6 +15,7 @@ from garment_sim_ros.contact.papers.rays.tables import RayTables, ray_tables
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.contact.sweep import Sweep
 from garment_sim_ros.jit import compiled
+from garment_sim_ros.sim.bare_skin import BareSkin
 from garment_sim_ros.sim.world.path import Path, Way, begin, follow
 
 
@@ -38,6 +39,7 @@ class ColliderState:
         sweep: What finding those needs that would pass through cloth in one step.
         refit: Those of them that change with the pose.
         skin: The exact skin in the place of shapes; None without one.
+        bare: Skin that leaves the shapes; None without any.
         still: Whether nothing moves in the step.
         goes_on: Whether the step starts with the poses that the last one ended with.
         way: The same arrays for kernels; None before the first step.
@@ -60,6 +62,7 @@ class ColliderState:
     sweep: Sweep
     refit: EllipsoidRefit
     skin: SkinContact | None = None
+    bare: BareSkin | None = None
     still: bool = True
     goes_on: bool = False
     way: Way | None = None
@@ -97,6 +100,7 @@ class ColliderState:
             sweep=Sweep.of(colliders, shapes),
             refit=EllipsoidRefit(colliders, shapes),
             skin=SkinContact(colliders) if colliders.has_skin else None,
+            bare=BareSkin(colliders) if colliders.has_bare_skin else None,
         )
 
     @cached_property
@@ -110,6 +114,11 @@ class ColliderState:
         self.refit.pose(self.end, self.origin, self.shapes, self.posed)
         if self.skin is not None:
             self.skin.move(self.start, self.end, self.origin)
+
+    def pose_bare_skin(self) -> None:
+        """Poses the skin that leaves the shapes for the end of the step."""
+        if self.bare is not None:
+            self.bare.pose(self.end, self.origin)
 
     def begin(self, search_every: int) -> None:
         """Begins the sub-steps of the step from `start` to `end`, for which the set is posed.

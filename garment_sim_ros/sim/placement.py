@@ -9,8 +9,8 @@ import numpy as np
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.carrying import carry
 from garment_sim_ros.geometry.transforms import invert_transform, transform_from
-from garment_sim_ros.jit import kernel
 from garment_sim_ros.params import Material
 from garment_sim_ros.sim.elastic import ElasticEdges
 
@@ -199,24 +199,6 @@ def places_in_frames(
     return np.einsum("pij,pj->pi", T[:, :3, :3], x) + T[:, :3, 3]
 
 
-@kernel()
-def _blend(x, frame, weight, T, x_world):
-    """Points [v, 3] carried by transforms [b, 4, 4]: by each of `frame` by a share, [v, s]."""
-    for v in range(x.shape[0]):
-        for k in range(3):
-            x_world[v, k] = 0.0
-        for s in range(frame.shape[1]):
-            b, share = frame[v, s], weight[v, s]
-            if share != 0.0:
-                for k in range(3):
-                    x_world[v, k] += share * (
-                        T[b, k, 0] * x[v, 0]
-                        + T[b, k, 1] * x[v, 1]
-                        + T[b, k, 2] * x[v, 2]
-                        + T[b, k, 3]
-                    )
-
-
 def blend(
     garment: GarmentLike, T_world_frame: FloatArray, of: IntArray | slice = slice(None)
 ) -> FloatArray:
@@ -234,7 +216,7 @@ def blend(
     """
     x = np.array(garment.vertices[of], np.float64)
     x_world = np.empty_like(x)
-    _blend(
+    carry(
         x,
         np.array(garment.frame_index[of], np.int32),
         np.array(garment.frame_weight[of], np.float64),

@@ -39,19 +39,22 @@ class RoundCreases:
         triangles: The mesh, shape [t, 3].
         rest: Its vertices at rest [m], shape [v, 3].
         held: Vertices that stay, as pins do.
+
+    Attributes:
+        normals: Those of the vertices before the last `round`, of any length, shape [v, 3].
     """
 
     def __init__(self, triangles: IntArray, rest: FloatArray, held: IntArray) -> None:
         self._triangles, count = triangles, len(rest)
         self._start, self._neighbour = _neighbours(triangles, count, held)
         self._normal = np.zeros((len(triangles), 3), np.float32)
-        self._sum, self._to = (np.zeros((count, 3), np.float32) for _ in range(2))
+        self.normals, self._to = (np.zeros((count, 3), np.float32) for _ in range(2))
         self._cosine, self._weight = (np.zeros(count, np.float32) for _ in range(2))
         self._listed, self._count = np.zeros(count, np.int32), 0
         self._moves_for = np.full(count, np.inf, np.float32)
         self._code: Callable[..., None] | None = None
         turn_at_vertices(
-            *(np.ascontiguousarray(rest, np.float32), triangles, self._normal, self._sum),
+            *(np.ascontiguousarray(rest, np.float32), triangles, self._normal, self.normals),
             self._cosine,
         )
         self._bent = np.minimum(self._cosine, np.float32(_BENT))
@@ -62,7 +65,7 @@ class RoundCreases:
         Args:
             x: Positions of the vertices, changed in place [m], shape [v, 3].
         """
-        turn_at_vertices(x, self._triangles, self._normal, self._sum, self._cosine)
+        turn_at_vertices(x, self._triangles, self._normal, self.normals, self._cosine)
         self._count = list_bent(self._cosine, self._bent, self._start, self._weight, self._listed)
         move_to_neighbours(
             *(x, self._start, self._neighbour, self._weight, self._listed, self._count, self._to),

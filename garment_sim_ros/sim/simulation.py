@@ -157,8 +157,7 @@ class Simulation(ByName):
         self._is_on = True
         self._restart()
         rest = rest_at(self._T_world_rest, poses, self.collider_set.root)
-        duration = time_from(rest, poses)
-        if duration > 0.0:
+        if (duration := time_from(rest, poses)) > 0.0:
             self._put_on(rest)
             self._go(rest, poses, duration)
             self._motion.interpolate(poses, poses, 0.0, 1.0)
@@ -167,6 +166,7 @@ class Simulation(ByName):
         else:
             self._put_on(poses)
         self._at.assign(poses)
+        self._colliders.pose_bare_skin()
         for worn in self._worn.values():
             worn.health.settling_steps = self._settle(worn) if settle else 0
             worn.watch(self._colliders, self.solver_step, math.inf, aside=self._extras)
@@ -338,6 +338,7 @@ class Simulation(ByName):
 
     def _watch(self, steps: int, dt: float) -> None:
         """Takes readings after so many steps of dt [s]."""
+        self._colliders.pose_bare_skin()
         for worn in self._worn.values():
             worn.health.steps += steps
             worn.watch(self._colliders, dt, steps * dt, aside=self._extras)

@@ -102,7 +102,7 @@ def warm_up(scene: Scene, solver: str = "xpbd", parameters: Parameters | None = 
     garments: list[Any] = [_scrap(f"scrap{i}", f) for i, f in enumerate(sorted(scene.garments))]
     kinds = sorted(scene.kinds)
     shapes = [_collider(kind, kind, "bone") for kind in kinds]
-    passing = [kind for kind in kinds if not _EXAMPLES[kind][0].is_skin]
+    passing = [kind for kind in kinds if _EXAMPLES[kind][0].shape is not None]
     if passing and any(f.passed for f in scene.garments):
         shapes.append(_collider("passing", passing[0], "passing"))
     frame = frame_of("bone")

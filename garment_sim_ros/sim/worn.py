@@ -24,6 +24,7 @@ from garment_sim_ros.sim.holds.stitching import Stitching
 from garment_sim_ros.sim.model import ClothModel, build_model
 from garment_sim_ros.sim.motion import measure_motion, move_pins, shift, to_file_order
 from garment_sim_ros.sim.on_its_way import OnItsWay
+from garment_sim_ros.sim.over_skin import OverSkin
 from garment_sim_ros.sim.piece import Piece
 from garment_sim_ros.sim.placement import (
     Frames,
@@ -154,10 +155,9 @@ class Worn(Piece):
             letting_go=LettingGo(model, workspace.sides) if garment.passed_by else None,
             on_its_way=OnItsWay(garment),
             aside=Aside(
-                model,
-                surface,
-                given.vertices if given.rest is None else given.rest,
+                *(model, surface, given.vertices if given.rest is None else given.rest),
                 _shown_in_place(given),
+                _over_skin(given, colliders, T_world_rest),
             ),
             constraints=_constraints(garment, places, model, workspace),
             x_world=np.zeros((len(given.vertices), 3), np.float32),
@@ -335,14 +335,27 @@ class Worn(Piece):
             self.aside.forget()
 
 
-def _shown_in_place(given: GarmentLike) -> IntArray:
-    """Vertices whose creases are shown as they are.
+def _over_skin(
+    given: GarmentLike, colliders: ColliderState, T_world_rest: FloatArray
+) -> OverSkin | None:
+    """What of a garment is to lie over skin that leaves the shapes: pins, too, as on skin."""
+    if colliders.bare is None:
+        return None
+    held = _held_as_shown(given)
+    return OverSkin(colliders.bare, T_world_rest, given.vertices, given.triangles, held)
 
-    Pins are where they are, some limits hold what is shown, too, and a seam that is being sewn is
-    as open as it is.
+
+def _shown_in_place(given: GarmentLike) -> IntArray:
+    """Vertices whose creases are shown as they are: pins are where they are."""
+    return np.union1d(_held_as_shown(given), given.pins).astype(np.int32)
+
+
+def _held_as_shown(given: GarmentLike) -> IntArray:
+    """Vertices that are shown in their places.
+
+    Some limits hold what is shown, too, and a seam that is being sewn is as open as it is.
     """
     stays = np.zeros(len(given.vertices), np.bool_)
-    stays[given.pins] = True
     for name, distance in given.skin_limits.items():
         stays |= np.isfinite(distance) & SKIN_LIMITS[name].holds_what_is_shown
     if given.stitches is not None:

@@ -142,7 +142,7 @@ def _on_shapes(
     staged: Staged, meshes: Mapping[str, GarmentMesh], paths: Paths, looks: Sequence[int]
 ) -> dict[str, float]:
     nothing = dict.fromkeys(("inside", "penetration_mm", "gap_mm", "crossed"), 0.0)
-    if all(c.is_frame for c in staged.colliders.colliders):
+    if not any(c.is_met for c in staged.colliders.colliders):
         return nothing
     shapes = Union(staged.colliders, staged.poses[0])
     inside, deepest, gap = [], 0.0, []

@@ -191,6 +191,7 @@ OTHER_MEANINGS = {
     "body/loaders/mesh_file.py": {"mesh"},  # trimesh's
     "body/loaders/urdf_visuals.py": {"sphere", "capsule", "mesh"},  # URDF's tags
     "collider_params.py": {"sdf", "mesh"},  # names of methods, once
+    "colliders/bare_skin.py": {"frame"},  # an entry of a skin's geometry
     "colliders/exact_mesh.py": {"frame"},  # an entry of a skin's geometry
     "contact/mesh/skinned.py": {"frame"},
     "contact/papers/outer_map.py": {"sphere"},  # a kind of map

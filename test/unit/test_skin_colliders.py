@@ -73,7 +73,7 @@ def test_frames_carry_the_skin_as_the_rig_does(body):
         expected = skin_vertices(body.skin, T)
         # Shapes taken away do not change which frames are meant.
         for given in (colliders, read, without_bones(read, ["no such bone"])):
-            posed = SkinnedMesh(given).vertices(ColliderPoser(given, body).poses(T))
+            posed = SkinnedMesh.only(given).vertices(ColliderPoser(given, body).poses(T))
             np.testing.assert_allclose(posed, expected, atol=1e-9)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from garment_sim_ros.contact.kinds.bare_skin import BARE_SKIN
 from garment_sim_ros.contact.kinds.capsule import CAPSULE
 from garment_sim_ros.contact.kinds.ellipsoid import ELLIPSOID
 from garment_sim_ros.contact.kinds.frame import FRAME
@@ -21,6 +22,7 @@ KINDS: Mapping[str, Kind] = {
         SDF,
         MESH,
         FRAME,
+        BARE_SKIN,
     )
 }
 """All kinds by name."""

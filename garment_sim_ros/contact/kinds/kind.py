@@ -118,9 +118,10 @@ class Kind:
         keys: Entries that every geometry has.
         optional: Entries that it may have.
         parse: Checked geometry from entries that nobody has checked; as numbers where not given.
-        shape: Its rigid shape; None for a frame, which has none, and for a skin.
+        shape: Its rigid shape; None for a frame, which has none, and for skin.
         clouds: Convex solids that stand for a geometry in the test of what runs through cloth.
         is_skin: Whether it is a mesh that follows the set's frames, see `contact.mesh`.
+        is_bare: Whether it is such a mesh that cloth does not meet, but is shown over.
         variants: An example of each sort of geometry that runs code of its own, by a name for it.
         variant: Which of these a geometry is; the kind's name where there is one only.
     """
@@ -133,13 +134,19 @@ class Kind:
     shape: Shape | None = None
     clouds: Callable[[Geometry], Iterable[Cloud]] = _no_clouds
     is_skin: bool = False
+    is_bare: bool = False
     variants: Mapping[str, Geometry]
     variant: Callable[[Geometry], str] | None = None
 
     @property
+    def is_met(self) -> bool:
+        """Whether cloth meets it."""
+        return self.shape is not None or self.is_skin
+
+    @property
     def is_frame(self) -> bool:
-        """Whether nothing can be met: it is a place that others move with."""
-        return self.shape is None and not self.is_skin
+        """Whether it is a place that others move with, and nothing else."""
+        return not (self.is_met or self.is_bare)
 
     def variant_of(self, geometry: Geometry) -> str:
         """Which of `variants` a geometry is."""

@@ -24,7 +24,7 @@ class SkinContact:
     """
 
     def __init__(self, colliders: ColliderSet) -> None:
-        self._mesh = SkinnedMesh(colliders)
+        self._mesh = SkinnedMesh.only(colliders)
         self._start = self._end = self._mesh.vertices(ColliderPoses.identity(len(colliders)))
         self._collider = MeshCollider(self._end, self._mesh.triangles)
 

@@ -1,4 +1,4 @@
-"""A collider of kind ``mesh``: the skin itself, posed from the frames of its set.
+"""A collider of kind ``mesh`` or ``bare_skin``: skin, posed from the frames of its set.
 
 Its geometry is that of a skin in the bind pose: ``vertices`` [v, 3], ``triangles`` [t, 3],
 ``frame`` [v, k] (which of the set's colliders of kind frame each influence is, counted from 0),
@@ -7,11 +7,11 @@ It has no pose of its own: vertices follow the frames by linear blending.
 """
 
 import numpy as np
-import scipy.sparse as sp
 
 from garment_sim_ros.arrays import FloatArray
-from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
+from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.geometry.carrying import carry
 from garment_sim_ros.geometry.transforms import transform_from
 
 _UNIT = 1e-5
@@ -19,24 +19,21 @@ _UNIT = 1e-5
 
 
 class SkinnedMesh:
-    """The one mesh of a set.
+    """One such collider of a set.
 
     Attributes:
         triangles: Vertex indices, shape [t, 3].
 
     Args:
-        colliders: A set with one collider of kind mesh, and no other shape.
+        colliders: The set.
+        skin: The collider.
 
     Raises:
-        GeometryError: Other shapes beside it, or a geometry that cannot be used.
+        GeometryError: A geometry that cannot be used.
     """
 
-    def __init__(self, colliders: ColliderSet) -> None:
-        shapes = [c for c in colliders.colliders if not c.is_frame]
-        if len(shapes) != 1 or not shapes[0].record.is_skin:
-            found = ", ".join(sorted({c.kind for c in shapes})) or "none"
-            raise GeometryError(f"a mesh must be the only shape of its set; found {found}")
-        name, g = shapes[0].name, shapes[0].geometry
+    def __init__(self, colliders: ColliderSet, skin: Collider) -> None:
+        name, g = skin.name, skin.geometry
         self._frames = np.flatnonzero([c.is_frame for c in colliders.colliders])
         try:
             x, weight, bind = (
@@ -44,7 +41,7 @@ class SkinnedMesh:
             )
             triangles, frame = (np.array(g[key], dtype=np.int64) for key in ("triangles", "frame"))
         except (KeyError, TypeError, ValueError) as error:
-            raise GeometryError(f"collider {name!r}: mesh needs numbers: {error}") from None
+            raise GeometryError(f"collider {name!r}: {skin.kind} needs numbers: {error}") from None
         v, f = len(x), len(self._frames)
         for label, array, shape in (
             ("vertices", x, (v, 3)),
@@ -68,8 +65,21 @@ class SkinnedMesh:
         self._x = x
         self._bind = np.tile(np.eye(4), (f, 1, 1))
         self._bind[:, :3] = bind
-        row = np.repeat(np.arange(v), frame.shape[1])
-        self._weight = sp.csr_matrix((weight.ravel(), (row, frame.ravel())), shape=(v, f))
+        self._frame, self._weight = frame.astype(np.int32), weight
+        self._posed = np.zeros_like(x)
+
+    @classmethod
+    def only(cls, colliders: ColliderSet) -> "SkinnedMesh":
+        """That of a set with one collider of kind mesh.
+
+        Raises:
+            GeometryError: Other shapes beside it, or a geometry that cannot be used.
+        """
+        shapes = [c for c in colliders.colliders if c.is_met]
+        if len(shapes) != 1 or not shapes[0].record.is_skin:
+            found = ", ".join(sorted({c.kind for c in shapes})) or "none"
+            raise GeometryError(f"a mesh must be the only shape of its set; found {found}")
+        return cls(colliders, shapes[0])
 
     def vertices(self, poses: ColliderPoses) -> FloatArray:
         """World positions of the skin [m], shape [v, 3].
@@ -77,7 +87,10 @@ class SkinnedMesh:
         Args:
             poses: World poses of the whole set.
         """
-        T = transform_from(poses.position[self._frames], poses.orientation[self._frames])
-        motion = (self._weight @ (T @ self._bind)[:, :3].reshape(len(T), 12)).reshape(-1, 3, 4)
-        posed: FloatArray = np.einsum("vij,vj->vi", motion[:, :, :3], self._x) + motion[:, :, 3]
-        return posed
+        return self.carried_by(transform_from(poses.position, poses.orientation))
+
+    def carried_by(self, T_world_collider: FloatArray) -> FloatArray:
+        """The same for transforms of the whole set, shape [n, 4, 4]; NaN by those of frames."""
+        T = T_world_collider[self._frames] @ self._bind
+        carry(self._x, self._frame, self._weight, T, self._posed)
+        return self._posed.copy()

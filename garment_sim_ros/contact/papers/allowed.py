@@ -22,7 +22,7 @@ def check_contact(contact: str, colliders: ColliderSet) -> None:
     if contact not in _KNOWN:
         return
     known = _KNOWN[contact]
-    others = {c.kind for c in colliders.colliders if not (c.is_frame or c.record in known)}
+    others = {c.kind for c in colliders.colliders if c.is_met and c.record not in known}
     if others:
         raise ParameterError(
             "contact",
