@@ -44,8 +44,7 @@ def with_bare_skin(body: Body, colliders: ColliderSet) -> ColliderSet:
     area = triangle_areas(body.skin.vertices, body.skin.triangles)
     if area[found].sum() <= _LEAST * area.sum():
         return colliders
-    patch = _patch(body, colliders, found)
-    return replace(colliders, colliders=(*colliders.colliders, patch))
+    return replace(colliders, colliders=(*colliders.colliders, patch(body, colliders, found)))
 
 
 def bare_triangles(body: Body, colliders: ColliderSet) -> NDArray[np.bool_]:
@@ -65,8 +64,14 @@ def bare_triangles(body: Body, colliders: ColliderSet) -> NDArray[np.bool_]:
     return count > _OFTEN * _POSES
 
 
-def _patch(body: Body, colliders: ColliderSet, bare: NDArray[np.bool_]) -> Collider:
-    """Some triangles of a skin and those around them, moved by the frames of a set."""
+def patch(body: Body, colliders: ColliderSet, bare: NDArray[np.bool_]) -> Collider:
+    """Some triangles of a skin and those around them, moved by the frames of a set.
+
+    Args:
+        body: Rig and skin.
+        colliders: What was fitted to it.
+        bare: Which triangles, shape [t].
+    """
     skin, bones = body.skin, major_bones(body)
     same, triangles = _welded(skin.vertices, skin.triangles)
     at_bare = np.zeros(len(same), np.bool_)

@@ -100,10 +100,8 @@ class OverSkin:
         """
         lift_over_skin(x, normal, self._patch, *self._places, np.float32(clear), self._asked)
         keep, way = np.float32(math.exp(-time / _BACK)), np.float32(_SPEED * min(time, 1.0))
-        many = go_on(self._asked, keep, way, self._lifted)
+        go_on(self._asked, keep, way, self._lifted)
         self.lift[:] = self._lifted
-        if not many:
-            return
         spread(*self._edges, self._size, self.lift)
         self.lift[self._stays] = 0.0
         for _ in range(_ROUNDS):
@@ -181,11 +179,7 @@ def go_on(asked, keep, way, lifted):
         keep: Part that is kept of what is no longer asked for.
         way: How far a vertex is lifted at most [m].
         lifted: What each is off its place, changed in place [m], shape [v, 3].
-
-    Returns:
-        How many are off their places.
     """
-    count = 0
     for v in range(asked.shape[0]):
         there, now = row(asked, v), row(lifted, v)
         if dot(there, there) < keep * keep * dot(now, now):
@@ -195,8 +189,6 @@ def go_on(asked, keep, way, lifted):
         if far > way:
             there = along(now, left, way / far)
         lifted[v, 0], lifted[v, 1], lifted[v, 2] = there
-        count += 1 if dot(there, there) > _ZERO else 0
-    return count
 
 
 @lean_kernel()

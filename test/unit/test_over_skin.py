@@ -199,7 +199,7 @@ def test_lifts_go_on_as_the_twin_lets_them():
     asked[:10] *= 0.1
     asked[10:15] = lifted[15:20] = 0.0
     expected = naive_over_skin.go_on(asked.astype(float), 0.8, 0.5, lifted.astype(float))
-    assert go_on(asked, np.float32(0.8), np.float32(0.5), lifted) == 50
+    go_on(asked, np.float32(0.8), np.float32(0.5), lifted)
     np.testing.assert_allclose(lifted, expected, rtol=1e-5, atol=1e-6)
 
 

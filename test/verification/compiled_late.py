@@ -15,6 +15,7 @@ from numba.core.dispatcher import Dispatcher
 
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.load import load_body
+from garment_sim_ros.colliders import bare_skin
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.shapes import ColliderPoses
@@ -57,6 +58,10 @@ def main(asked) -> None:
     body = load_body("mannequin")
     file = outfit_from({"version": 1, **asked["outfit"]})
     colliders = fit_colliders(body, file.colliders)
+    if asked.get("bare"):
+        whole = np.ones(len(body.skin.triangles), np.bool_)
+        skin = bare_skin.patch(body, colliders, whole)
+        colliders = dataclasses.replace(colliders, colliders=(*colliders.colliders, skin))
     compiler = Compiler(solver)
     compiler.compile(expected_scene(file), parameters)
     outfit = make_outfit(file, body, colliders=colliders)

@@ -46,9 +46,10 @@ SCENES = {
     "hulls": scene(SKIRT, method="hulls"),
     "sdf": scene(SKIRT, method="sdf"),
     "mesh": scene(SKIRT, method="mesh", solver="relaxation"),
+    "bare skin": scene(SKIRT, bare=True),
 }
-QUICK = ("auto, detail", "layers, self-collision, wind")
-"""What "plain" has is all in the first."""
+QUICK = ("auto, detail", "layers, self-collision, wind", "bare skin")
+"""What "plain" has is all in the first two."""
 
 
 @pytest.mark.parametrize(
