@@ -108,6 +108,7 @@ class OverSkin:
             even_out(x, *self._edges, self._size, self.lift)
             self.lift[self._stays] = 0.0
             stay_out(self.lift, particle, contacts)
+        keep_short(x, *self._edges, self.lift)
 
     def forget(self) -> None:
         """Shows all in its place until the next look."""
@@ -272,6 +273,36 @@ def stay_out(lift, particle, contacts):
         if p < contacts.shape.size and contacts.shape[p] >= 0:
             now, normal = row(lift, v), row(contacts.normal, p)
             lift[v, 0], lift[v, 1], lift[v, 2] = along(now, normal, -min(dot(now, normal), _ZERO))
+
+
+@lean_kernel()
+def keep_short(x, edges, step, lift):
+    """Lifts the ends of edges alike that would be too long: the higher as the lower one.
+
+    Args:
+        x: Positions of a garment's vertices [m], shape [v, 3].
+        edges: Of the garment, shape [e, 2].
+        step: Lengths of the edges, see `_LONG`, shape [e].
+        lift: What each vertex is lifted by, changed in place [m], shape [v, 3].
+    """
+    for _ in range(_PASSES):
+        done = True
+        for e in range(edges.shape[0]):
+            a, b = edges[e, 0], edges[e, 1]
+            of_a, of_b = row(lift, a), row(lift, b)
+            apart = less(of_a, of_b)
+            if not dot(apart, apart) > _ZERO:
+                continue
+            edge = less(row(x, a), row(x, b))
+            longer = length(plus(edge, apart))
+            if longer > _LONG * step[e] and longer > length(edge):
+                if dot(of_a, of_a) > dot(of_b, of_b):
+                    lift[a, 0], lift[a, 1], lift[a, 2] = of_b
+                else:
+                    lift[b, 0], lift[b, 1], lift[b, 2] = of_a
+                done = False
+        if done:
+            break
 
 
 @lean_kernel(inner=True)

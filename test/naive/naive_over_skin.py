@@ -76,3 +76,16 @@ def even_out(x, edges, step, long, lifts, passes):
                 lifts[a] -= half
                 lifts[b] += half
     return lifts
+
+
+def keep_short(x, edges, step, long, lifts, passes):
+    """Lifts that are alike at both ends of an edge that would be too long."""
+    lifts = lifts.copy()
+    for _ in range(passes):
+        for (a, b), one in zip(edges, step, strict=True):
+            now = np.linalg.norm(x[a] - x[b])
+            then = np.linalg.norm(x[a] + lifts[a] - x[b] - lifts[b])
+            if then > max(long * one, now) and (lifts[a] != lifts[b]).any():
+                low, high = sorted((b, a), key=lambda v: np.linalg.norm(lifts[v]))
+                lifts[high] = lifts[low]
+    return lifts

@@ -18,7 +18,14 @@ from garment_sim_ros.geometry.topology import (
 )
 from garment_sim_ros.sim import over_skin
 from garment_sim_ros.sim.bare_skin import BareSkin, Patch
-from garment_sim_ros.sim.over_skin import even_out, go_on, lift_over_skin, spread, stay_out
+from garment_sim_ros.sim.over_skin import (
+    even_out,
+    go_on,
+    keep_short,
+    lift_over_skin,
+    spread,
+    stay_out,
+)
 
 CLEAR = 0.002
 HEIGHT = 0.02
@@ -244,6 +251,28 @@ def test_lifts_are_evened_out_as_the_twin_does_it(sheet):
         return np.maximum(apart - step, 0.0).sum()
 
     assert over(lifts) < 0.3 * over(before)
+
+
+def test_lifts_are_kept_short_as_the_twin_does_it(sheet):
+    x, edges, step, lifts = sheet
+    x[30] += np.float32(0.06)
+    spread(edges, step, np.zeros(len(lifts), np.float32), lifts)
+    lifts[25] = [0.0, 0.0, -0.03]
+
+    def longest(lifts):
+        ways = (x + lifts)[edges[:, 0]] - (x + lifts)[edges[:, 1]]
+        before = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1)
+        return (np.linalg.norm(ways, axis=1) / np.maximum(before, over_skin._LONG * step)).max()
+
+    assert longest(lifts) > 1.2
+    expected = naive_over_skin.keep_short(
+        *(x.astype(float), edges, step.astype(float), float(over_skin._LONG)),
+        *(lifts.astype(float), over_skin._PASSES),
+    )
+    keep_short(x, edges, step, lifts)
+    np.testing.assert_allclose(lifts, expected, rtol=1e-4, atol=1e-7)
+    assert longest(lifts) < 1.001
+    assert (np.linalg.norm(lifts, axis=1) > 0.0).any()
 
 
 def test_nothing_is_lifted_into_what_it_touches():
