@@ -29,7 +29,7 @@ _SLOPE = np.float32(0.5)
 """How much less a vertex is lifted than its neighbour, as a part of the edge between them."""
 _LONG = np.float32(3.2)
 """Edges of so many steps of that length are not made longer."""
-_PASSES, _EVEN, _ROUNDS = 4, 4, 3
+_PASSES, _EVEN, _ROUNDS, _SHORT = 4, 4, 3, 20
 _BACK, _SPEED = 0.1, 2.0
 """Time in which a vertex that need not be lifted any more comes down to a third [s], and how fast
 one is lifted [m/s]."""
@@ -285,7 +285,7 @@ def keep_short(x, edges, step, lift):
         step: Lengths of the edges, see `_LONG`, shape [e].
         lift: What each vertex is lifted by, changed in place [m], shape [v, 3].
     """
-    for _ in range(_PASSES):
+    for _ in range(_SHORT):
         done = True
         for e in range(edges.shape[0]):
             a, b = edges[e, 0], edges[e, 1]
