@@ -30,9 +30,13 @@ _SLOPE = np.float32(0.5)
 _LONG = np.float32(3.2)
 """Edges of so many steps of that length are not made longer."""
 _PASSES, _EVEN, _ROUNDS, _SHORT = 4, 4, 3, 20
+"""Passes over the edges: that lift neighbours; that even out, and how often these are done, in
+turns with staying out of shapes; and, at most, that keep edges short."""
 _BACK, _SPEED = 0.1, 2.0
 """Time in which a vertex that need not be lifted any more comes down to a third [s], and how fast
 one is lifted [m/s]."""
+_TINY = np.float32(1e-6)
+"""What differs by less is alike [m]: the square of a smaller number may be none."""
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
 
@@ -94,8 +98,6 @@ class OverSkin:
             particle: The particle that each vertex is, or is nearest to, shape [v].
             contacts: What the last search found for the particles.
             clear: What they are to keep from the skin [m].
-            lift: What each is lifted by for other reasons; more where the skin asks for it [m],
-                shape [v, 3].
             time: Since the last look [s].
         """
         lift_over_skin(x, normal, self._patch, *self._places, np.float32(clear), self._asked)
@@ -187,7 +189,7 @@ def go_on(asked, keep, way, lifted):
             there = along((_ZERO, _ZERO, _ZERO), now, keep)
         left = less(there, now)
         far = length(left)
-        if far > way:
+        if far > max(way, _TINY):
             there = along(now, left, way / far)
         lifted[v, 0], lifted[v, 1], lifted[v, 2] = there
 
@@ -209,7 +211,7 @@ def spread(edges, step, size, lift):
         for e in range(edges.shape[0]):
             a, b = edges[e, 0], edges[e, 1]
             of_a, of_b = size[a], size[b]
-            if abs(of_a - of_b) <= step[e]:
+            if abs(of_a - of_b) <= step[e] + _TINY:
                 continue
             if of_a < of_b:
                 a, b, of_a = b, a, of_b
@@ -247,7 +249,7 @@ def even_out(x, edges, step, size, lift):
             far2 = dot(apart, apart)
             left = _LONG * step[e] - length(less(row(x, a), row(x, b)))
             most = max(min(step[e], left), _ZERO)
-            if far2 <= most * most:
+            if far2 <= (most + _TINY) * (most + _TINY):
                 continue
             half = np.float32(0.5) - np.float32(0.5) * most / np.sqrt(far2)
             lift[a, 0], lift[a, 1], lift[a, 2] = along(row(lift, a), apart, -half)
@@ -291,7 +293,7 @@ def keep_short(x, edges, step, lift):
             a, b = edges[e, 0], edges[e, 1]
             of_a, of_b = row(lift, a), row(lift, b)
             apart = less(of_a, of_b)
-            if not dot(apart, apart) > _ZERO:
+            if not dot(apart, apart) > _TINY * _TINY:
                 continue
             edge = less(row(x, a), row(x, b))
             longer = length(plus(edge, apart))

@@ -253,6 +253,26 @@ def test_lifts_are_evened_out_as_the_twin_does_it(sheet):
     assert over(lifts) < 0.3 * over(before)
 
 
+@pytest.mark.parametrize("size", [0.0, 1e-45, 1e-38, 1e-30, 1e-22, 1e-19, 1e-10, 1e-6, 1e-3])
+def test_lifts_of_any_size_stay_numbers(sheet, size):
+    x, edges, step, lifts = sheet
+    x[:, 0] *= 5.0  # edges that are long already
+    step[::3] = 0.0
+    rng = np.random.default_rng(3)
+    lifts[:] = np.float32(size) * rng.normal(size=lifts.shape).astype(np.float32)
+    for reach in (lifts, lifts + np.float32(0.01)):
+        reach = reach.copy()
+        lifted = np.zeros_like(reach)
+        go_on(reach, np.float32(0.5), np.float32(size), lifted)
+        sizes = np.zeros(len(reach), np.float32)
+        spread(edges, step, sizes, reach)
+        even_out(x, edges, step, sizes, reach)
+        keep_short(x, edges, step, reach)
+        assert np.isfinite(reach).all()
+        assert np.isfinite(lifted).all()
+        assert np.abs(reach).max() <= 0.01 + 6.0 * size
+
+
 def test_lifts_are_kept_short_as_the_twin_does_it(sheet):
     x, edges, step, lifts = sheet
     x[30] += np.float32(0.06)
