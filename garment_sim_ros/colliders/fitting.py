@@ -181,7 +181,7 @@ METHODS: Mapping[str, Method] = {
         variants=lambda o: (
             {kinds.HULL.name} if o.joints == "none" else {kinds.HULL.name, kinds.SPHERE.name}
         ),
-        covers_skin=lambda o: o.joints != "none",
+        covers_skin=lambda o: o.joints == "auto",
     ),
     CAPSULES: Method(
         text="tapered capsules", fit=_capsules, variants=lambda o: {kinds.CAPSULE.name}
@@ -191,6 +191,7 @@ METHODS: Mapping[str, Method] = {
         fit=_ellipsoids,
         settings=EllipsoidSettings,
         variants=lambda o: {kinds.ELLIPSOID.name, REFITTED} if o.refit else {kinds.ELLIPSOID.name},
+        covers_skin=lambda o: False,
     ),
     SPHERES: Method(
         text="spheres in rows",
