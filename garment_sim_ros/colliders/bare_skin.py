@@ -102,8 +102,7 @@ def _welded(vertices: FloatArray, triangles: IntArray) -> tuple[IntArray, IntArr
     """One vertex of all that are in one place, as at seams of a texture, and triangles of these.
 
     Returns:
-        The vertices [n], and triangles as rows of these, shape [t, 3]; those that are only lines
-        are left out.
+        The vertices [n], and triangles as rows of these, shape [t, 3].
     """
     _, first, row = np.unique(
         to_nanometres(vertices), axis=0, return_index=True, return_inverse=True

@@ -1,8 +1,8 @@
 """Cloth is shown over skin that leaves the shapes.
 
 Contact keeps cloth out of the shapes. Where a rig moves skin as no shape moves, cloth lies on the
-shapes beneath it, and skin shows through. Vertices there are seen over the skin, and their
-neighbours as much as no edge is stretched much. What is simulated stays as it is.
+shapes beneath it, and skin shows through. Vertices there are seen over the skin, their neighbours
+with them, so far that no edge is stretched much. What is simulated stays as it is.
 """
 
 import math
@@ -119,7 +119,7 @@ class OverSkin:
 
 @lean_kernel()
 def lift_over_skin(x, normal, patch, vertex, near, home, clear, asked):
-    """Lifts vertices that are in bare skin, along its normals.
+    """Lifts vertices that are in bare skin to the nearest place over it.
 
     Where each is over the skin is followed from triangle to triangle, across the edge that it is
     farthest beyond.
@@ -284,7 +284,7 @@ def keep_short(x, edges, step, lift):
     Args:
         x: Positions of a garment's vertices [m], shape [v, 3].
         edges: Of the garment, shape [e, 2].
-        step: Lengths of the edges, see `_LONG`, shape [e].
+        step: A part of the length of each at rest, see `_LONG` [m], shape [e].
         lift: What each vertex is lifted by, changed in place [m], shape [v, 3].
     """
     for _ in range(_SHORT):

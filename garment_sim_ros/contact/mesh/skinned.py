@@ -66,7 +66,6 @@ class SkinnedMesh:
         self._bind = np.tile(np.eye(4), (f, 1, 1))
         self._bind[:, :3] = bind
         self._frame, self._weight = frame.astype(np.int32), weight
-        self._posed = np.zeros_like(x)
 
     @classmethod
     def only(cls, colliders: ColliderSet) -> "SkinnedMesh":
@@ -92,5 +91,6 @@ class SkinnedMesh:
     def carried_by(self, T_world_collider: FloatArray) -> FloatArray:
         """The same for transforms of the whole set, shape [n, 4, 4]; NaN by those of frames."""
         T = T_world_collider[self._frames] @ self._bind
-        carry(self._x, self._frame, self._weight, T, self._posed)
-        return self._posed.copy()
+        posed = np.empty_like(self._x)
+        carry(self._x, self._frame, self._weight, T, posed)
+        return posed
