@@ -33,7 +33,7 @@ from garment_sim_ros.contact.sides import OPPOSED, PASSING, UNDER, Sides
 from garment_sim_ros.contact.way_out import give_way, leave_union
 from garment_sim_ros.geometry.boxes import boxes_near, in_columns
 from garment_sim_ros.geometry.locality import BLOCK
-from garment_sim_ros.geometry.vectors import along, length, less, row
+from garment_sim_ros.geometry.vectors import along, dot, length, less, row
 from garment_sim_ros.jit import lean_kernel
 
 _ROUNDING = 1e-6
@@ -230,7 +230,7 @@ def _nearest_under(nearby, p, lane, place, away):
 def _yield_to_opposed(nearby, p, lane, asked, place, away, touch):
     """Moves a particle out of what presses the cloth from its outer side.
 
-    All the way where nothing is under the cloth there, else half of it.
+    All the way; halfway back from what is under the cloth there and faces it.
 
     Args: as `_leave_under`.
 
@@ -247,11 +247,23 @@ def _yield_to_opposed(nearby, p, lane, asked, place, away, touch):
     depth = reach.thickness - surface.distance
     if not depth > _ZERO:
         return place, touch, False
-    if touch.shape < 0:
-        place = along(place, surface.normal, depth)
-        return place, Touch(surface.shape, surface.normal, depth), False
-    place = along(place, surface.normal, np.float32(0.5) * depth)
-    return place, Touch(touch.shape, touch.normal, _FAR), True
+    place = along(place, surface.normal, depth)
+    pressed = touch.shape >= 0
+    if pressed:
+        touch = Touch(touch.shape, touch.normal, _FAR)
+    else:
+        touch = Touch(surface.shape, surface.normal, depth)
+    away = length(less(place, asked))
+    if nearby.contacts.block[NEAREST + lane] - away > reach.rim and away < reach.valid:
+        return place, touch, pressed
+    below, _ = _nearest_under(nearby, p, lane, place, away)
+    deep = reach.thickness - below.distance
+    if not deep > reach.rounding:
+        return place, touch, pressed
+    if not dot(below.normal, surface.normal) < _ZERO:
+        return along(place, below.normal, deep), touch, pressed
+    place = along(place, below.normal, np.float32(0.5) * deep)
+    return place, Touch(below.shape, below.normal, _FAR), True
 
 
 def collide(

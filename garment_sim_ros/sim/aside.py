@@ -5,12 +5,11 @@ skin that leaves them, see `over_skin`.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.contacts import Contacts
 from garment_sim_ros.geometry.topology import mesh_topology
-from garment_sim_ros.geometry.vectors import dot, length, less, plus, row
+from garment_sim_ros.geometry.vectors import dot, less, plus, row
 from garment_sim_ros.jit import lean_kernel
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.detail.surface import Surface
@@ -23,9 +22,11 @@ from garment_sim_ros.sim.round_creases import RoundCreases
 _STRETCHED = 1.7
 """What lengthens an edge that is so many times as long as at rest is no matter of showing."""
 _PASSES = 2
-"""Vertices that are shown in their places leave others apart from them."""
-_IN_PLACE, _MOVED, _LEFT = np.int8(0), np.int8(1), np.int8(2)
+"""Vertices that are shown nearer to their places leave others apart from them."""
+_ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
+_TINY = np.float32(1e-18)
+"""Of a squared length [m^2]; what is shorter is none."""
 _NOWHERE = np.zeros(3)
 _NO_CONTACTS = Contacts.room_for(0, 1)
 
@@ -65,9 +66,9 @@ class Aside:
         edges = mesh_topology(triangles).edges
         sides = np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1)
         most = (_STRETCHED * sides).astype(np.float32)
-        moved: NDArray[np.int8] = np.zeros(len(rest), np.int8)
+        share = np.ones(len(rest), np.float32)
         self._simulated: SingleArray = np.zeros((len(model), 3), np.float32)
-        self._all = self._x, self._place, edges, most, moved, self.off, self.over.lift
+        self._all = self._x, self._place, edges, most, share, self.off, self.over.lift
 
     def look(
         self,
@@ -121,39 +122,57 @@ class Aside:
 
 
 @lean_kernel()
-def find_off(x, place, edges, most, moved, off, lift):
-    """What vertices are shown off their places; the ends of stretched edges are not.
+def find_off(x, place, edges, most, share, off, lift):
+    """What vertices are shown off their places; the less, the longer edges would get by it.
 
-    These are shown in their places where they would be lengthened: where two parts of a body close
-    on cloth, as thigh and belly, there is no place over both.
+    An edge gets no longer than `most`, or than it is: where two parts of a body close on cloth, as
+    thigh and belly, there is no place over both.
 
     Args:
         x: Where vertices are seen without `lift` [m], shape [v, 3].
         place: Where they are [m], shape [v, 3].
         edges: Edges of the mesh, shape [e, 2].
         most: Length from which on each is stretched [m], shape [e].
-        moved: Scratch, shape [v].
+        share: Scratch, shape [v].
         off: Output: what each vertex is off its place [m], shape [v, 3].
         lift: The part of it by which it lies over the shapes, changed in place [m], shape [v, 3].
     """
-    for v in range(moved.size):
-        way = plus(less(row(x, v), row(place, v)), row(lift, v))
-        off[v, 0], off[v, 1], off[v, 2] = way
-        moved[v] = _MOVED if dot(way, way) > _ZERO else _IN_PLACE
+    for v in range(share.size):
+        off[v, 0], off[v, 1], off[v, 2] = plus(less(row(x, v), row(place, v)), row(lift, v))
+        share[v] = _ONE
     for _ in range(_PASSES):
         found = False
         for e in range(edges.shape[0]):
             a, b = edges[e, 0], edges[e, 1]
-            if (moved[a] | moved[b]) & _MOVED:
-                apart = less(row(off, a), row(off, b))
+            apart = less(row(off, a), row(off, b))
+            size = dot(apart, apart)
+            if size > _TINY:
                 edge = less(row(place, a), row(place, b))
-                longer = length(plus(edge, apart))
-                if longer > most[e] and longer > length(edge):
-                    moved[a], moved[b], found = moved[a] | _LEFT, moved[b] | _LEFT, True
+                now, longest = dot(edge, edge), most[e] * most[e]
+                opens = dot(edge, apart)
+                if now + opens + opens + size > max(now, longest):
+                    part = _as_far(now, opens, size, max(now, longest))
+                    share[a], share[b] = min(share[a], part), min(share[b], part)
+                    found = True
         if not found:
             break
-        for v in range(moved.size):
-            if moved[v] & _LEFT:
-                moved[v] = _IN_PLACE
-                off[v, 0], off[v, 1], off[v, 2] = _ZERO, _ZERO, _ZERO
-                lift[v, 0], lift[v, 1], lift[v, 2] = _ZERO, _ZERO, _ZERO
+        for v in range(share.size):
+            if share[v] < _ONE:
+                for k in range(3):
+                    off[v, k] *= share[v]
+                    lift[v, k] *= share[v]
+                share[v] = _ONE
+
+
+@lean_kernel(inner=True)
+def _as_far(now, opens, size, longest):
+    """How far, from 0 to 1, the ends of an edge may go apart for it to get as long as it may.
+
+    Args:
+        now: Its squared length [m^2].
+        opens: Its product with how its ends go apart [m^2].
+        size: That, squared [m^2].
+        longest: Squared length that it may have, `now` or more [m^2].
+    """
+    root = np.sqrt(max(opens * opens + size * (longest - now), _ZERO))
+    return min(max((root - opens) / size, _ZERO), _ONE)

@@ -246,8 +246,8 @@ def stay_outside(
 ):
     """Takes back what led vertices into shapes that they or their neighbours touch.
 
-    What touches goes along the surface. What is in the air is moved out again, as far as it was
-    before.
+    What touches goes along the surface. Out of what neighbours touch it is moved again, as far as
+    it was before: in a crease a vertex touches now the one side, now the other.
 
     Args:
         x: Positions of the vertices, changed in place [m], shape [v, 3].
@@ -266,11 +266,11 @@ def stay_outside(
     for n in range(count):
         v = listed[n]
         p = particle[v]
+        last = np.int64(-1)
         if p < free and contacts.shape[p] >= 0:
             way, normal = less(row(x, v), row(place, v)), row(contacts.normal, p)
             x[v, 0], x[v, 1], x[v, 2] = along(row(x, v), normal, -min(dot(way, normal), _ZERO))
-            continue
-        last = np.int64(-1)
+            last = np.int64(contacts.shape[p])
         for k in range(start[v], start[v + 1]):
             q = particle[neighbour[k]]
             c = np.int64(contacts.shape[q]) if q < free else np.int64(-1)

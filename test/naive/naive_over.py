@@ -84,16 +84,20 @@ def round_creases(x, triangles, rest, held, bent, sharp):
 def off(place, triangles, way, rest, stretched):
     """What vertices are shown off their places [m], shape [v, 3].
 
-    Twice the ends of edges that are stretched and would be lengthened stay in their places.
+    Twice the ends of edges that would be lengthened go only so far that these are not stretched,
+    or not longer than they are.
     """
     way = way.copy()
     for _ in range(2):
-        stay = set()
+        share = np.ones(len(place))
         for t in triangles.tolist():
             for a, b in ((t[0], t[1]), (t[1], t[2]), (t[2], t[0])):
-                now = np.linalg.norm(place[b] - place[a])
-                seen = np.linalg.norm(place[b] + way[b] - place[a] - way[a])
-                if seen > now and seen > stretched * np.linalg.norm(rest[b] - rest[a]):
-                    stay |= {a, b}
-        way[sorted(stay)] = 0.0
+                edge, apart = place[b] - place[a], way[b] - way[a]
+                now = np.linalg.norm(edge)
+                most = max(now, stretched * np.linalg.norm(rest[b] - rest[a]))
+                if np.linalg.norm(edge + apart) > most:
+                    roots = np.roots([apart @ apart, 2.0 * edge @ apart, now**2 - most**2])
+                    part = np.clip(roots.real.max(), 0.0, 1.0)
+                    share[[a, b]] = np.minimum(share[[a, b]], part)
+        way *= share[:, None]
     return way

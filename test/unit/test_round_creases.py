@@ -86,15 +86,22 @@ def test_borders_go_along_themselves(cloth):
     assert (x[inner] != before[inner]).any()
 
 
+@pytest.mark.parametrize("touching", [False, True], ids=["in the air", "touching another"])
 @pytest.mark.parametrize("deep", [False, True])
-def test_nothing_is_led_into_a_shape_that_it_or_a_neighbour_touches(cloth, deep):
-    """On a ball: one vertex touches, the others are in the air.
+def test_nothing_is_led_into_a_shape_that_it_or_a_neighbour_touches(cloth, deep, touching):
+    """On a ball: one vertex touches, the others are in the air, or touch what is far away.
 
     Two of these are led into the ball, or were deep in it before, and go as they are led.
     """
     rest, triangles = cloth.grid(3, 3, 0.02)
-    ball = Collider(name="ball", kind="sphere", bone="bone", geometry={"radius": 0.05})
-    colliders = ColliderState.of(cloth.colliders(ball))
+    ball, other = (
+        Collider(name=name, kind="sphere", bone="bone", position=place, geometry=size)
+        for name, place, size in (
+            ("ball", np.zeros(3), {"radius": 0.05}),
+            ("other", np.array([1.0, 0.0, 0.0]), {"radius": 0.1}),
+        )
+    )
+    colliders = ColliderState.of(cloth.colliders(ball, other))
     colliders.pose()
     place = rest.astype(np.float32)
     place[:, 2] = 0.05
@@ -109,6 +116,8 @@ def test_nothing_is_led_into_a_shape_that_it_or_a_neighbour_touches(cloth, deep)
     contacts.shape[[0, 2, 4]] = 0
     contacts.normal[:] = 0.0, 0.0, 1.0
     contacts.depth[:] = 0.0
+    if touching:
+        contacts.shape[[1, 3]], contacts.normal[[1, 3]] = 1, 0.0
     creases = RoundCreases(triangles, rest, NONE)
     x = place.copy()
     creases.round(x)
@@ -202,18 +211,24 @@ def test_what_is_seen_changes_nothing_that_is_simulated_and_papers_do_without(cl
 
 @pytest.mark.parametrize("detail", [1.0, 0.25])
 def test_a_shirt_on_raised_arms_does_not_look_torn(data_file, detail):
+    """How torn it looks hangs on the last bits of a start: by a third, to each side."""
     avatar = gs.Avatar.load("mannequin")
     outfit = avatar.dress("tshirt_short_skirt")
-    simulation = gs.Simulation(outfit, avatar.colliders, detail=detail)
     meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in outfit.garments}
-    shown, before = [], []
     clip = gs.load_clip(data_file("mocap", "cmu_14_14_jumping_jacks_30fps.bvh"))
-    for n, poses in enumerate(avatar.play(clip, rate=60)):
-        if n == 120:
-            break
-        simulation.step(poses, dt=1 / 60)
-        x = simulation.positions("tshirt").astype(np.float64)
-        shown.append(meshes["tshirt"].creased(x))
-        before.append(meshes["tshirt"].creased(x - simulation["tshirt"].worn.aside.off))
-    assert np.percentile(before, 95) > 0.02 * detail
-    assert np.percentile(shown, 95) < min(0.4 * np.percentile(before, 95), 0.006)
+    poses = [pose.copy() for pose, _ in zip(avatar.play(clip, rate=60), range(120), strict=False)]
+    worst = []
+    for start in range(8):
+        simulation = gs.Simulation(outfit, avatar.colliders, detail=detail)
+        shift = 1e-6 * np.random.default_rng(start).normal(size=poses[0].position.shape)
+        creased = []
+        for pose in poses:
+            moved = dataclasses.replace(pose, position=pose.position + shift)
+            simulation.step(moved, dt=1 / 60)
+            x = simulation.positions("tshirt").astype(np.float64)
+            places = x, x - simulation["tshirt"].worn.aside.off
+            creased.append([meshes["tshirt"].creased(place) for place in places])
+        worst.append(np.percentile(creased, 95, axis=0))
+    shown, before = np.mean(worst, axis=0)
+    assert before > 0.02 * detail
+    assert shown < min(0.4 * before, 0.006)
