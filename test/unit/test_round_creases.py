@@ -209,9 +209,12 @@ def test_what_is_seen_changes_nothing_that_is_simulated_and_papers_do_without(cl
     np.testing.assert_array_equal(x[0], x[1])
 
 
-@pytest.mark.parametrize("detail", [1.0, 0.25])
-def test_a_shirt_on_raised_arms_does_not_look_torn(data_file, detail):
-    """How torn it looks hangs on the last bits of a start: by a third, to each side."""
+@pytest.mark.parametrize(("detail", "share"), [(1.0, 0.25), (0.25, 0.5)])
+def test_a_shirt_on_raised_arms_does_not_look_torn(data_file, detail, share):
+    """How torn it looks hangs on the last bits of a start: one may look twice as torn as another.
+
+    Of what is torn, 0.14 is left with all particles, 0.39 with a quarter of them.
+    """
     avatar = gs.Avatar.load("mannequin")
     outfit = avatar.dress("tshirt_short_skirt")
     meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in outfit.garments}
@@ -231,4 +234,4 @@ def test_a_shirt_on_raised_arms_does_not_look_torn(data_file, detail):
         worst.append(np.percentile(creased, 95, axis=0))
     shown, before = np.mean(worst, axis=0)
     assert before > 0.02 * detail
-    assert shown < min(0.4 * before, 0.006)
+    assert shown < min(share * before, 0.006)
