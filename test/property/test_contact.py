@@ -189,17 +189,25 @@ def test_points_between_closing_legs_are_held_halfway(gap):
     assert left >= THICKNESS - 0.55 * squeeze
 
 
-def test_cloth_pressed_by_what_it_is_worn_on_elsewhere_is_marked_as_held():
-    """An arm in the side of a shirt: the point goes halfway, and must not fly off the chest."""
-    chest, arm = (
-        Collider(name="chest", kind="sphere", bone="b", geometry={"radius": 0.1}),
-        Collider(name="arm", kind="sphere", bone="b", geometry={"radius": 0.05}),
+def met_by_chest_and_arm(x, arm, apart):
+    """Points after contact with a chest under the cloth and an arm against it; the contacts."""
+    scene = ColliderSet(
+        colliders=(
+            Collider(name="chest", kind="sphere", bone="b", geometry={"radius": 0.1}),
+            Collider(name="arm", kind="sphere", bone="b", geometry={"radius": arm}),
+        )
     )
     poses = ColliderPoses.identity(2)
-    poses.position[1, 0] = 0.14  # 1 cm inside each other
-    sides = Sides.of(np.zeros(2, np.int32), np.array([[UNDER, OPPOSED]]))
+    poses.position[1, 0] = apart
+    sides = Sides.of(np.zeros(len(x), np.int32), np.array([[UNDER, OPPOSED]]))
+    out, contacts, _ = run(scene, poses, x, sides=sides)
+    return out, contacts
+
+
+def test_cloth_pressed_by_what_it_is_worn_on_elsewhere_is_marked_as_held():
+    """An arm in the side of a shirt: the point goes halfway, and must not fly off the chest."""
     x = [[0.097, 0.0, 0.0], [0.0, 0.098, 0.0]]
-    out, contacts, _ = run(ColliderSet(colliders=(chest, arm)), poses, x, sides=sides)
+    out, contacts = met_by_chest_and_arm(x, 0.05, 0.14)  # 1 cm inside each other
     assert np.isinf(contacts.depth[0])
     assert np.isfinite(contacts.depth[1])
     # Between the chest's surface and the arm's.
@@ -208,38 +216,23 @@ def test_cloth_pressed_by_what_it_is_worn_on_elsewhere_is_marked_as_held():
 
 def test_cloth_between_chest_and_arm_is_held_halfway_wherever_it_was_asked_to_be():
     """In one of them or in both: what is pushed out of the arm alone must not end in the chest."""
-    chest, arm = (
-        Collider(name="chest", kind="sphere", bone="b", geometry={"radius": 0.1}),
-        Collider(name="arm", kind="sphere", bone="b", geometry={"radius": 0.05}),
-    )
-    poses = ColliderPoses.identity(2)
-    poses.position[1, 0] = 0.14  # 1 cm inside each other
     along = np.linspace(0.086 - THICKNESS, 0.104 + THICKNESS, 60)
     x = np.stack([along, np.zeros(60), np.zeros(60)], axis=1)
-    sides = Sides.of(np.zeros(60, np.int32), np.array([[UNDER, OPPOSED]]))
-    out, contacts, _ = run(ColliderSet(colliders=(chest, arm)), poses, x, sides=sides)
+    out, contacts = met_by_chest_and_arm(x, 0.05, 0.14)
     assert np.isinf(contacts.depth).all()
     np.testing.assert_allclose(out, np.tile([0.095, 0.0, 0.0], (60, 1)), atol=1e-5)
 
 
 def test_cloth_goes_all_the_way_out_of_what_presses_it_along_the_body():
     """Whether the body is touched there, too, hangs on micrometres; where it goes does not."""
-    chest, arm = (
-        Collider(name=name, kind="sphere", bone="b", geometry={"radius": 0.1})
-        for name in ("chest", "arm")
-    )
-    poses = ColliderPoses.identity(2)
-    poses.position[1, 0] = 0.13  # The ways out of the two are a little less than perpendicular.
     above = THICKNESS + np.linspace(-1e-5, 1e-5, 20)
-    place = np.array([np.cos(0.84), np.sin(0.84), 0.0])
-    x = (0.1 + above)[:, None] * place
-    sides = Sides.of(np.zeros(20, np.int32), np.array([[UNDER, OPPOSED]]))
-    out, contacts, _ = run(ColliderSet(colliders=(chest, arm)), poses, x, sides=sides)
-    deep = 0.1 + THICKNESS - np.linalg.norm(x - poses.position[1], axis=1)
-    assert deep.min() > 0.003
+    x = (0.1 + above)[:, None] * np.array([np.cos(0.84), np.sin(0.84), 0.0])
+    # The ways out of the two are a little less than perpendicular.
+    arm = np.array([0.13, 0.0, 0.0])
+    out, contacts = met_by_chest_and_arm(x, 0.1, arm[0])
+    assert (0.1 + THICKNESS - np.linalg.norm(x - arm, axis=1)).min() > 0.003
     np.testing.assert_allclose(out, np.tile(out[0], (20, 1)), atol=5e-5)
-    far = np.linalg.norm(out - poses.position[1], axis=1)
-    np.testing.assert_allclose(far, 0.1 + THICKNESS, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(out - arm, axis=1), 0.1 + THICKNESS, atol=1e-6)
     np.testing.assert_array_equal(contacts.shape, np.where(above < THICKNESS, 0, 1))
 
 
