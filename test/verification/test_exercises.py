@@ -91,7 +91,7 @@ def worn(avatar, clip, start=0):
 def median_of_starts(avatar, clip):
     """The share of pierced frames, and that length, medians of seven starts.
 
-    In one of six or seven, the shirt is caught between thigh and belly; in which ones hangs on
+    In one of ten, the shirt is caught between thigh and belly; in which one hangs on
     the last bits of numbers.
     """
     of_starts = [worn(avatar, clip, start) for start in range(7)]
