@@ -124,9 +124,9 @@ def _meet(nearby, p, lane, x, x_start, friction):
         pressed = pressed or presses
     if touch.shape < 0:
         return False
-    depth = touch.depth
+    depth, caught = touch.depth, False
     if pressed:
-        place, held = stay_between(
+        place, held, caught = stay_between(
             *(nearby.shapes, nearby.posed, nearby.side, p, x_start, asked, place),
             *(touch.shape, reach.thickness, reach.rounding),
         )
@@ -134,6 +134,7 @@ def _meet(nearby, p, lane, x, x_start, friction):
     contacts.shape[p] = touch.shape
     contacts.normal[p, 0], contacts.normal[p, 1], contacts.normal[p, 2] = touch.normal
     contacts.depth[p] = depth
+    contacts.caught[p] = caught
     x[p, 0], x[p, 1], x[p, 2] = place
     return True
 

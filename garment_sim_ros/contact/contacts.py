@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import IntArray, SingleArray
 from garment_sim_ros.contact.block import ROWS
@@ -18,6 +19,8 @@ class Contacts(NamedTuple):
         normal: Its outward unit normal, set where there is contact, shape [n, 3].
         depth: How deep the particle was in it [m], set where there is contact, infinite where
             another shape presses it against that one, shape [n].
+        caught: Whether it is deep between the two, see `contact.pinch`, set where there is
+            contact, shape [n].
         columns: Scratch: boxes of the shapes, see `geometry.boxes`.
         near: Scratch: shapes near a block, shape [m + 1].
         distance: Scratch: distances of its particles to those [m], shape [m * BLOCK].
@@ -31,6 +34,7 @@ class Contacts(NamedTuple):
     shape: IntArray
     normal: SingleArray
     depth: SingleArray
+    caught: NDArray[np.bool_]
     columns: SingleArray
     near: IntArray
     distance: SingleArray
@@ -47,6 +51,7 @@ class Contacts(NamedTuple):
             shape=np.full(particles, -1, np.int32),
             normal=np.zeros((particles, 3), np.float32),
             depth=np.zeros(particles, np.float32),
+            caught=np.zeros(particles, np.bool_),
             columns=np.zeros(6 * column_of(shapes), np.float32),
             near=np.zeros(shapes + 1, np.int32),
             distance=np.zeros(shapes * BLOCK, np.float32),

@@ -12,6 +12,9 @@ _ROUNDS = 6
 _HOLDS = 0.003
 """What is pressed from two sides slips by what it is pulled farther in a step, as a share of the
 longest shape: 1 mm on a human."""
+_CAUGHT = 0.05
+"""What is deeper in both sides than this share of the longest shape, 2 cm on a human, is caught:
+it does not slip at all."""
 _FARTHEST = 4.0
 """A crease that is farther away than this, in depths, is none: the shapes oppose each other."""
 _CREASE = 0.025
@@ -25,10 +28,12 @@ def stay_between(shapes, posed, side, p, x_start, asked, place, k, thickness, ro
 
     Moved out of one after the other, in each step from where its neighbours have pulled it, it
     would never come to rest. What two sides press stays where it moved to with shape k from the
-    start of the step, but for a slip where its neighbours pull hard, see `pulled`. From there it
-    is moved only as far as the two shapes, the nearest and the nearest that faces it, ask for: to
-    the crease where they meet or, where that is too far away, to the middle between them. Where
-    nothing has moved that is nowhere, whatever the order of shapes.
+    start of the step, but for a slip where its neighbours pull hard, see `pulled`. Deep between
+    the two it is caught, and does not slip: where a thigh closes on the belly, a hem between them
+    would be pulled along the crease, and out at its side. From there it is moved only as far as
+    the two shapes, the nearest and the nearest that faces it, ask for: to the crease where they
+    meet or, where that is too far away, to the middle between them. Where nothing has moved that
+    is nowhere, whatever the order of shapes.
 
     Args:
         shapes: Packed shapes.
@@ -43,21 +48,23 @@ def stay_between(shapes, posed, side, p, x_start, asked, place, k, thickness, ro
         rounding: What distances may be wrong by [m].
 
     Returns:
-        The place where it is held, `place` as it was where no two shapes press it; and whether
-        they do.
+        The place where it is held, `place` as it was where no two shapes press it; whether they
+        do; and whether it is caught between them.
     """
     rode = row(x_start, p)
     at = plus(rode, moved_with(posed.carry, k, rode))
     slip = length(less(place, at))
     reach = thickness + min(slip, thickness) + rounding
+    caught = False
     for step in range(_ROUNDS):
         nearest, facing, a, b = _pressing(shapes, posed, side, p, at, reach)
         if step == 0:
             if not facing < np.float32(np.inf):
-                return place, False
+                return place, False, False
+            caught = thickness - facing > np.float32(_CAUGHT) * shapes.longest
             slips = pulled(less(asked, at), less(a, b), np.float32(_HOLDS) * shapes.longest)
-            at = plus(at, slips)
-            if dot(slips, slips) > np.float32(0.0):
+            if not caught and dot(slips, slips) > np.float32(0.0):
+                at = plus(at, slips)
                 continue
         first = thickness - nearest
         second = thickness - facing
@@ -71,7 +78,7 @@ def stay_between(shapes, posed, side, p, x_start, asked, place, k, thickness, ro
         at = along(along(at, a, out_of_first), b, out_of_second)
         if abs(out_of_first) + abs(out_of_second) < rounding:
             break
-    return at, True
+    return at, True, caught
 
 
 @lean_kernel(forceinline=True)

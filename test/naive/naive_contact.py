@@ -13,6 +13,7 @@ from garment_sim_ros.arrays import FloatArray
 from naive.naive import Shape, signed_distance
 
 HOLDS = 0.003
+CAUGHT = 0.05
 
 
 def moved_with(carry: FloatArray, place: FloatArray) -> FloatArray:
@@ -99,8 +100,8 @@ def stay_between(
     thickness: float,
     rounding: float,
     longest: float,
-) -> tuple[FloatArray, bool]:
-    """Where a particle stays that shapes press from two sides, and whether they do.
+) -> tuple[FloatArray, bool, bool]:
+    """Where a particle stays that shapes press from two sides, whether they do, and catch it.
 
     Args:
         shapes: Those that press.
@@ -118,11 +119,13 @@ def stay_between(
         d1, a = min(found, key=lambda f: f[0])
         facing = [f for f in found if f[1] @ a < 0.0 and f[0] <= reach]
         if not facing and attempt == 0:
-            return np.asarray(place), False
+            return np.asarray(place), False, False
         if attempt == 0:
-            slips = pulled(asked - at, a - min(facing, key=lambda f: f[0])[1], HOLDS * longest)
-            at += slips
-            if slips.any():
+            d2, b = min(facing, key=lambda f: f[0])
+            caught = thickness - d2 > CAUGHT * longest
+            slips = pulled(asked - at, a - b, HOLDS * longest)
+            if not caught and slips.any():
+                at += slips
                 continue
         first = thickness - d1
         if first <= rounding:
@@ -144,7 +147,7 @@ def stay_between(
         at += s * a + t * b
         if abs(s) + abs(t) < rounding:
             break
-    return at, True
+    return at, True, caught
 
 
 def held_back(slip: FloatArray, most: float) -> FloatArray:

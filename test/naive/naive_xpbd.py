@@ -113,6 +113,7 @@ class Strained:
         inverse_mass: Of particles [1/kg], shape [n].
         normal: Outward normals of surfaces that particles touch, NaN where none, shape [n, 3].
         pressed: Which are pressed from two sides, shape [n].
+        caught: Which of these are deep between them, shape [n].
         kept: Which the guard keeps, shape [n].
         free: How many are not pinned: the first ones.
         longest: Strain that no single edge is left with, if no way to it leads into surfaces.
@@ -124,6 +125,7 @@ class Strained:
     inverse_mass: FloatArray
     normal: FloatArray
     pressed: NDArray[np.bool_]
+    caught: NDArray[np.bool_]
     kept: NDArray[np.bool_]
     free: int
     longest: float
@@ -139,6 +141,8 @@ class Strained:
 
     def draw(self, x: FloatArray, e: int, to: float, weights: list[float], yields: bool) -> None:
         """Draws the ends of edge e to a length, by weights, along surfaces that do not yield."""
+        if not sum(weights) > 0.0:
+            return
         i, j = self.edges[e]
         apart = x[i] - x[j]
         pull = (1.0 - to / float(np.linalg.norm(apart))) * apart / sum(weights)
@@ -174,7 +178,8 @@ def limit_strain(
                 continue
             if yields or not any(kept):
                 weights = [
-                    0.0 if kept[k] else strained.inverse_mass[p] for k, p in ((0, i), (1, j))
+                    0.0 if kept[k] or strained.caught[p] else strained.inverse_mass[p]
+                    for k, p in ((0, i), (1, j))
                 ]
                 strained.draw(x, e, to, weights, yields)
     return x
@@ -183,9 +188,9 @@ def limit_strain(
 def shorten_longest(x: FloatArray, strained: Strained) -> FloatArray:
     """Positions [n, 3] after passes over edges that are longer than `longest`, if they are few.
 
-    The guard yields, and shapes that press a particle from two sides; in the last ten passes, over
-    edges whose ends both touch and that are still longer than `utmost`, all do. Of edges at pins
-    those are left alone whose other end is in the air.
+    The guard yields, and shapes that press a particle from two sides, unless it is caught between
+    them; in the last ten passes, over edges whose ends both touch and that are still longer than
+    `utmost`, all do. Of edges at pins those are left alone whose other end is in the air.
     """
     x = np.array(x, dtype=np.float64)
     yielding = dataclasses.replace(strained, pressed=strained.pressed | strained.kept)
@@ -202,6 +207,9 @@ def shorten_longest(x: FloatArray, strained: Strained) -> FloatArray:
             at_pin = max(i, j) >= strained.free
             moves = any(touch) or not at_pin if n < 30 else all(touch)
             if np.linalg.norm(x[i] - x[j]) > to and moves:
-                weights = [strained.inverse_mass[p] for p in (i, j)]
+                weights = [
+                    0.0 if n < 30 and strained.caught[p] else strained.inverse_mass[p]
+                    for p in (i, j)
+                ]
                 yielding.draw(x, e, to, weights, True)
     return x

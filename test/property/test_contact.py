@@ -189,6 +189,24 @@ def test_points_between_closing_legs_are_held_halfway(gap):
     assert left >= THICKNESS - 0.55 * squeeze
 
 
+@pytest.mark.parametrize(("gap", "is_caught"), [(-0.02, False), (-0.07, True)])
+def test_cloth_deep_between_closing_legs_does_not_slip(gap, is_caught):
+    """It is pulled along the crease by 8 mm in a step, as a hem that is stretched over a thigh."""
+    leg = {"radius0": 0.08, "radius1": 0.08, "length": 0.4}
+    scene = ColliderSet(
+        colliders=tuple(Collider(name=n, kind="capsule", bone="b", geometry=leg) for n in "lr")
+    )
+    poses = ColliderPoses.identity(2)
+    poses.position[:, 1] = -0.08 - gap / 2, 0.08 + gap / 2
+    start = np.array([[0.0, 0.0, z] for z in np.linspace(0.1, 0.3, 20)])
+    pulled = start + np.array([0.0, 0.0, 0.008])
+    out, contacts, _ = run(scene, poses, pulled, x_start=start)
+    assert np.isinf(contacts.depth).all()
+    assert (contacts.caught == is_caught).all()
+    slip = np.linalg.norm(out - start, axis=1)
+    assert slip == pytest.approx(0.0 if is_caught else 0.008 - 0.003 * 0.56, abs=2e-4)
+
+
 def met_by_chest_and_arm(x, arm, apart):
     """Points after contact with a chest under the cloth and an arm against it; the contacts."""
     scene = ColliderSet(

@@ -66,6 +66,7 @@ def strained_cloth(cloth, seed, scale):
     shape = rng.choice([-1, 0, 1, 2], free).astype(np.int32)
     depth = rng.choice([0.001, np.inf], free, p=[0.8, 0.2]).astype(np.float32)
     kept = rng.choice([-1, -1, -1, 2], free).astype(np.int32)
+    caught = (depth == np.inf) & (rng.random(free) < 0.5)
     empty = np.zeros((free, 3), np.float32)
     outward = np.full((len(rest), 3), np.nan)
     outward[:free][shape >= 0] = normal[shape >= 0]
@@ -76,12 +77,13 @@ def strained_cloth(cloth, seed, scale):
         inverse_mass=weight,
         normal=outward,
         pressed=np.append((shape >= 0) & (depth == np.inf), pins),
+        caught=np.append((shape >= 0) & caught, pins),
         kept=np.append(kept >= 0, pins),
         free=free,
         longest=_LONGEST,
         utmost=_UTMOST,
     )
-    planes = Planes(shape, normal.astype(np.float32), depth, empty, empty)
+    planes = Planes(shape, normal.astype(np.float32), depth, caught, empty, empty)
     return x, ready, planes, kept, strained
 
 
@@ -114,6 +116,7 @@ def test_limit(cloth, seed, scale):
     np.testing.assert_allclose(x, expected, atol=2e-5)
     np.testing.assert_allclose(x - own.x_predicted, by_contact, atol=1e-6)
     stays = strained.kept | (np.arange(len(x)) >= free)
+    stays[:free] |= (planes.shape >= 0) & planes.caught
     assert (x[stays] == before[stays]).all()
     into = ((x - before)[:free] * planes.normal).sum(axis=1)
     assert into[touches[:free] & ~strained.pressed[:free]].min() > -1e-5
@@ -132,10 +135,10 @@ def test_longest_edges_after_a_step(cloth, seed, scale):
         assert (x == before).all()
 
 
-@pytest.mark.parametrize("held", ["pressed", "kept"])
+@pytest.mark.parametrize("held", ["pressed", "caught", "kept"])
 @pytest.mark.parametrize("far", [0.04, 0.1])
 def test_a_single_edge_is_shortened_whatever_holds_its_ends(cloth, held, far):
-    """Its neighbours take over what it gives up: none is left too long."""
+    """Its neighbours take over what it gives up: none is left too long. What is caught stays."""
     rest, triangles = cloth.grid(20, 20)
     edges = mesh_topology(triangles).edges
     weight = np.ones(len(rest), np.float32)
@@ -152,13 +155,16 @@ def test_a_single_edge_is_shortened_whatever_holds_its_ends(cloth, held, far):
         kept[middle] = 0
     else:
         depth[middle] = np.inf
+    caught = np.zeros(len(rest), np.bool_)
+    caught[middle] = held == "caught"
     up = np.zeros((len(rest), 3), np.float32) + np.float32([0.0, 0.0, 1.0])
-    planes = Planes(shape, up, depth, up, up)
+    planes = Planes(shape, up, depth, caught, up, up)
     strain = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) / length - 1.0
     assert 0.0 < np.mean(strain > _LONGEST) <= 0.01
     shorten_longest(x, ready, planes, kept, np.float32(0.3))
     strain = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) / length - 1.0
     assert strain.max() < _LONGEST + 0.05
+    assert (held == "caught") == (x[middle, 2] == np.float32(far))
 
 
 def test_an_edge_through_a_limb_is_shortened(cloth):
@@ -179,14 +185,15 @@ def test_an_edge_through_a_limb_is_shortened(cloth):
     normal = np.zeros((len(rest), 3), np.float32)
     normal[i], normal[j] = apart, -apart
     none = np.zeros((len(rest), 3), np.float32)
-    planes = Planes(shape, normal, none[:, 0].copy(), none, none)
     nothing = np.zeros(len(rest), np.bool_)
+    planes = Planes(shape, normal, none[:, 0].copy(), nothing, none, none)
     strained = naive_xpbd.Strained(
         edges=edges,
         rest_length=length,
         inverse_mass=weight,
         normal=np.where((shape >= 0)[:, None], normal, np.nan),
         pressed=nothing,
+        caught=nothing,
         kept=nothing,
         free=len(rest),
         longest=_LONGEST,
@@ -207,7 +214,8 @@ def test_short_edges_are_left_alone(cloth):
     weight = np.ones(len(rest), np.float32)
     ready, _ = ready_edges(rng, edges, rest, weight)
     none = np.zeros((len(rest), 3), np.float32)
-    planes = Planes(np.full(len(rest), -1, np.int32), none, none[:, 0], none, none)
+    shape, caught = np.full(len(rest), -1, np.int32), np.zeros(len(rest), np.bool_)
+    planes = Planes(shape, none, none[:, 0], caught, none, none)
     before = x.copy()
     own = particles_at(x, before, np.zeros_like(x))
     kept = np.full(len(rest), -1, np.int32)
@@ -239,7 +247,8 @@ def test_edges_that_shapes_hold_are_eased(touching):
         depth[::2] = np.inf
     none = np.zeros((9, 3), np.float32)
     kept = np.full(9, -1, np.int32)
-    planes = Planes(shape, none + np.float32([0, 0, 1]), depth, none, none)
+    caught = np.zeros(9, np.bool_)
+    planes = Planes(shape, none + np.float32([0, 0, 1]), depth, caught, none, none)
     for _ in range(180):
         own = particles_at(x, x.copy(), np.zeros_like(x))
         limits = np.float32(LIMIT), np.float32(TIME), np.float32(SLOW)

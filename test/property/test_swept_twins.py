@@ -128,20 +128,20 @@ def test_pinches(seed, count):
     off = []
     for p in range(n):
         k = int(rng.integers(count))
-        place, is_held = stay_between(
+        place, *found = stay_between(
             *(scene.packed, scene.posed, side, p, x_start, tuple(asked[p]), tuple(x[p]), k),
             *np.float32([THICKNESS, rounding]),
         )
         pressing = [s for s, where in zip(scene.shapes, side[:, p]) if where != PASSING]
         if not pressing:
-            assert not is_held
+            assert not any(found)
             continue
         moved_with = x_start[p] + naive_contact.moved_with(scene.carry[k], x_start[p])
-        expected, expected_held = naive_contact.stay_between(
+        expected, *expected_found = naive_contact.stay_between(
             *(pressing, asked[p].astype(np.float64), x[p].astype(np.float64), moved_with),
             *(THICKNESS, rounding, float(scene.packed.longest)),
         )
-        off.append(np.abs(np.array(place) - expected).max() + (is_held != expected_held))
+        off.append(np.abs(np.array(place) - expected).max() + (found != expected_found))
     # Which of two shapes is nearest may be a matter of rounding.
     assert (np.array(off) > 1e-4).sum() <= 1
 
@@ -173,7 +173,7 @@ def test_planes(seed, dt, friction, searched):
     shape, normal, depth = contact_arrays(rng, n, m)
     carry = (0.005 * rng.normal(size=(m, 3, 4))).astype(np.float32)
     place, shift = np.full((2, n, 3), 7.0, np.float32)
-    planes = Planes(shape, normal, depth, place, shift)
+    planes = Planes(shape, normal, depth, np.zeros(n, np.bool_), place, shift)
     remember_planes(touched_at, x_start, planes, carry)
     inscribed_radius = rng.uniform(0.02, 0.3, m).astype(np.float32)
     expected = []
@@ -229,7 +229,7 @@ def test_velocities_after_a_search(seed, dt, friction):
             *(normal[p].astype(np.float64), float(depth[p]), float(friction)),
         )
     motion = np.zeros(2)
-    planes = Planes(shape, normal, depth, *np.zeros((2, n, 3), np.float32))
+    planes = Planes(shape, normal, depth, np.zeros(n, np.bool_), *np.zeros((2, n, 3), np.float32))
     stop_at_contacts(x, v, x_start, x_before, planes, carry, friction, dt, motion)
     np.testing.assert_allclose(v, expected, atol=1e-6 / dt)
     speed = (v.astype(np.float64) ** 2).sum(axis=1)

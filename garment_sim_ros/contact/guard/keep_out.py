@@ -249,6 +249,7 @@ def _move(guard, contacts, x, c, t, m, way, g, h, whole):
             contacts.normal[q, axis] = m[axis]
         contacts.shape[q] = guard.shape[c]
         contacts.depth[q] = own
+        contacts.caught[q] = False
         guard.kept[q] = c
         guard.moved[q] += own
     return True

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.contacts import Contacts
@@ -96,6 +97,7 @@ class Planes(NamedTuple):
         shape: Shape that each free particle touches, -1 for none, shape [f].
         normal: Outward normal there, shape [f, 3].
         depth: How deep it was [m], infinite where shapes press it from two sides, shape [f].
+        caught: Whether it is deep between the two, see `contact.pinch`, shape [f].
         place: A point of each plane [m], shape [f, 3].
         shift: How far that moves in a sub-step [m], shape [f, 3].
     """
@@ -103,6 +105,7 @@ class Planes(NamedTuple):
     shape: IntArray
     normal: SingleArray
     depth: SingleArray
+    caught: NDArray[np.bool_]
     place: SingleArray
     shift: SingleArray
 
@@ -113,6 +116,7 @@ class Planes(NamedTuple):
             shape=np.full(free, -1, np.int32),
             normal=np.zeros((free, 3), np.float32),
             depth=np.zeros(free, np.float32),
+            caught=np.zeros(free, np.bool_),
             place=np.zeros((free, 3), np.float32),
             shift=np.zeros((free, 3), np.float32),
         )

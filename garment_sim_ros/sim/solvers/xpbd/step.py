@@ -192,6 +192,7 @@ def _own(piece: Piece, workspace: XpbdWorkspace) -> tuple[Particles, Elastic, Pl
         shape=workspace.contacts.shape,
         normal=workspace.contacts.normal,
         depth=workspace.contacts.depth,
+        caught=workspace.contacts.caught,
         place=workspace.place,
         shift=workspace.shift,
     )

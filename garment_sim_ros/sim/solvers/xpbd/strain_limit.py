@@ -8,15 +8,16 @@ model"). Drawn back to the limit itself, cloth that is held longer would never r
 hold, by friction at both ends or by pressing one of them, would stay as long as it once was: it is
 eased down to the limit, a little in each search, where the shapes move. Where they rest, what
 pulls there would pull it back again and again. The guard outranks all this: it comes after, and
-what it keeps is left alone, as are edges at pins. Velocities stay as they are: pinched cloth,
+what it keeps is left alone, as are edges at pins, and ends that are caught deep between two
+shapes: pulled along there, a whole hem would follow. Velocities stay as they are: pinched cloth,
 which contact and this move to and fro, would be pumped.
 
 Single edges, where body parts close on cloth, would still be stretched to several times their
 length: each end is in the shape that the other one is pressed out of. To those that are longer
 than `_LONGEST` shapes yield that press an end from two sides, and after a step, when all else has
-acted, none is left longer, but what ends on surfaces and would have to be drawn through them: that
-is left with `_UTMOST`. Where many are too long, the cloth itself is pulled: the guard, and
-`holds.letting_go`, tell how far.
+acted, none is left longer, but what ends on surfaces and would have to be drawn through them, or
+is caught: that is left with `_UTMOST`. Where many are too long, the cloth itself is pulled: the
+guard, and `holds.letting_go`, tell how far.
 """
 
 import numpy as np
@@ -75,6 +76,12 @@ def _along_surface(planes, p, way, yields):
 
 
 @lean_kernel(inner=True)
+def _is_caught(planes, p):
+    """Whether particle p is deep between two shapes: it stays with them."""
+    return p < planes.shape.size and planes.shape[p] >= 0 and planes.caught[p]
+
+
+@lean_kernel(inner=True)
 def _has_pin(edges, kept, e):
     """Whether an end of edge e is pinned: pins come last."""
     return max(edges.particles[2 * e], edges.particles[2 * e + 1]) >= kept.size
@@ -126,8 +133,9 @@ def _draw_together(own, edges, planes, carry, kept, e, most, longest, grown, eas
     yields = squared > longest * numbers[0, e]
     if _has_pin(edges, kept, e) or not (yields or (kept[i] < 0 and kept[j] < 0)):
         return False
-    a = numbers[1, e] if kept[i] < 0 else np.float32(0.0)
-    b = numbers[2, e] if kept[j] < 0 else np.float32(0.0)
+    stays = kept[i] >= 0 or _is_caught(planes, i), kept[j] >= 0 or _is_caught(planes, j)
+    a = np.float32(0.0) if stays[0] else numbers[1, e]
+    b = np.float32(0.0) if stays[1] else numbers[2, e]
     before = less(row(own.x_search, i), row(own.x_search, j))
     part = eased if _is_eased(own, planes, carry, i, j, slow) else grown
     to = max(most * numbers[0, e], part * part * dot(before, before))
@@ -230,7 +238,8 @@ def _shorten(x, edges, planes, kept, e, longest, on_surfaces):
     d = less(row(x, i), row(x, j))
     squared = dot(d, d)
     to = longest * numbers[0, e]
-    a, b = numbers[1, e], numbers[2, e]
+    a = np.float32(0.0) if on_surfaces and _is_caught(planes, i) else numbers[1, e]
+    b = np.float32(0.0) if on_surfaces and _is_caught(planes, j) else numbers[2, e]
     # An edge without stiffness has no weights.
     if not (a + b > np.float32(0.0) and squared > to):
         return False
