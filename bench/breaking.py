@@ -112,9 +112,7 @@ class Wearer:
         poser = ColliderPoser(self.colliders, self.body)
         self.path = [poser.poses(T).copy() for T in self.joints]
         self.skinner = Skinner(self.body.skin)
-        self.meshes = {
-            g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in self.garments
-        }
+        self.meshes = {g.name: GarmentMesh.of(g) for g in self.garments}
         self.simulation = Simulation(self.garments, self.colliders)
         self.links = JointLinks(self.colliders, rest_transforms(self.garments, self.colliders))
         self.stepper: ClothStepper

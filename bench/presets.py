@@ -126,7 +126,7 @@ class Wearer:
             detail=node.detail,
         )
         skin = self.avatar.body.skin
-        meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in garments}
+        meshes = {g.name: GarmentMesh.of(g) for g in garments}
         self.garments = garments
         self.meter = ClothMeter(
             skin.vertices, skin.triangles, meshes, OwnSides.of(garments, self.avatar.body)

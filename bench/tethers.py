@@ -45,7 +45,7 @@ def run(walk: Walk, colliders: Any, garment: Any, solver: str, settings: Any) ->
             (worn,), colliders, solver=solver, settings=settings, solver_step=FRAME / 3
         )
         simulation.reset(path[0])
-        mesh = {garment.name: GarmentMesh.from_rest(garment.vertices, garment.triangles)}
+        mesh = {garment.name: GarmentMesh.of(garment)}
         meter = ClothMeter(walk.body.skin.vertices, walk.body.skin.triangles, mesh)
         pair.append((simulation, meter, [], [], []))
     model = simulation.model(garment.name)

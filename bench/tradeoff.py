@@ -99,7 +99,7 @@ def run(walk: Walk, setting: Setting, folder: str) -> dict[str, float]:
     meter = ClothMeter(
         walk.body.skin.vertices,
         walk.body.skin.triangles,
-        {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in garments},
+        {g.name: GarmentMesh.of(g) for g in garments},
     )
     f = sum(unit.measure() for unit in units)
     times = []

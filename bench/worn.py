@@ -200,7 +200,7 @@ def run(asked: Asked) -> dict:
     joints = as_known(joints, every)
     path = [poser.poses(T).copy() for T in joints]
     simulation = Simulation(garments, colliders, preset=asked.preset, solver=asked.solver)
-    meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in garments}
+    meshes = {g.name: GarmentMesh.of(g) for g in garments}
     skin = (body.skin.vertices, body.skin.triangles)
     meter = ClothMeter(*skin, meshes, OwnSides.of(garments, body))
     overlaps = OverlapMeter(*skin, meshes)

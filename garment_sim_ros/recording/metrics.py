@@ -12,7 +12,7 @@ show looks torn there.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ from garment_sim_ros.geometry.mesh_distance import MeshDistance
 from garment_sim_ros.geometry.topology import hinge_vertices, mesh_topology, vertex_normals
 from garment_sim_ros.geometry.triangles import triangle_areas
 from garment_sim_ros.recording.own_sides import OwnSides
+from garment_sim_ros.sim.placement import GarmentLike
+from garment_sim_ros.sim.rest_shape import edge_lengths, rest_corners
 
 DEEP = 0.002
 """Depth in the skin from which on cloth counts as inside [m]."""
@@ -55,7 +57,7 @@ class GarmentMesh:
 
     @classmethod
     def from_rest(cls, vertices: FloatArray, triangles: IntArray) -> "GarmentMesh":
-        """From the rest shape, shape [v, 3] and [t, 3]."""
+        """Of cloth that is at rest in its vertices, shape [v, 3]; triangles of shape [t, 3]."""
         edges = mesh_topology(triangles).edges
         v, e = len(vertices), len(edges)
         number = {(min(i, j), max(i, j)): k for k, (i, j) in enumerate(edges.tolist())}
@@ -74,6 +76,20 @@ class GarmentMesh:
             samples_of_triangle=np.concatenate([triangles, v + side, v + e + middle], axis=1),
             near=near_together(vertices, triangles),
             hinges=hinge_vertices(triangles),
+        )
+
+    @classmethod
+    def of(cls, garment: GarmentLike) -> "GarmentMesh":
+        """Of a garment, which may be cut flat, or at rest elsewhere than where it is put on."""
+        mesh = cls.from_rest(garment.vertices, garment.triangles)
+        corners = rest_corners(garment)
+        t = len(corners)
+        return replace(
+            mesh,
+            rest_length=edge_lengths(corners, garment.triangles, mesh.edges),
+            rest_area=triangle_areas(
+                corners.reshape(-1, 3), np.arange(3 * t, dtype=np.int32).reshape(t, 3)
+            ),
         )
 
     def samples(self, x: FloatArray) -> FloatArray:

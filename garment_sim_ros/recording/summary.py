@@ -14,6 +14,7 @@ from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh, rate
 from garment_sim_ros.recording.own_sides import OwnSides
 from garment_sim_ros.recording.previews import Figure
 from garment_sim_ros.recording.replay import Replay
+from garment_sim_ros.recording.tracks import GarmentTrack
 
 
 def figures(recording: Recording, body: Body) -> list[Figure]:
@@ -47,11 +48,9 @@ def summarize(
         What goes into ``summary.json``; `late_frames` as the node counted them, None where it
         told none.
     """
-    meshes = {
-        name: GarmentMesh.from_rest(track.vertices, track.triangles)
-        for name, track in recording.garments.items()
-    }
     garments = tuple(garments)
+    made = {g.name: g for g in garments}
+    meshes = {name: _mesh(track, made.get(name)) for name, track in recording.garments.items()}
     own = OwnSides.of(garments, body) if {g.name for g in garments} >= meshes.keys() else None
     meter = ClothMeter(body.skin.vertices, body.skin.triangles, meshes, own)
     measured = 0
@@ -98,6 +97,13 @@ def _pierced(recording: Recording) -> Pierced | None:
             )
     result = meter.result()
     return result if result.frames else None
+
+
+def _mesh(track: GarmentTrack, garment: Garment | None) -> GarmentMesh:
+    """What is measured on a garment; the recording alone does not tell how it was cut."""
+    if garment is not None and np.array_equal(garment.triangles, track.triangles):
+        return GarmentMesh.of(garment)
+    return GarmentMesh.from_rest(track.vertices, track.triangles)
 
 
 def _garment(garment: Garment) -> dict[str, Any]:

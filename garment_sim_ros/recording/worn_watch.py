@@ -196,9 +196,7 @@ class _InsideSoFar:
         """What measuring needs, made in its thread when it is first needed."""
         if self._skin is None:
             skin = self._body.skin
-            self._meshes = {
-                g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in self._worn
-            }
+            self._meshes = {g.name: GarmentMesh.of(g) for g in self._worn}
             self._distance = MeshDistance(skin.vertices, skin.triangles)
             self._skin = SkinFromPoses(self._colliders, self._body)
 

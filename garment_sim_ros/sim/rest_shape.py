@@ -9,6 +9,7 @@ import numpy as np
 
 from garment_sim_ros.arrays import FloatArray, IntArray, LongArray
 from garment_sim_ros.errors import GeometryError
+from garment_sim_ros.sim.placement import GarmentLike
 
 
 def upright(flat: FloatArray, count: int, name: str) -> FloatArray:
@@ -28,6 +29,19 @@ def upright(flat: FloatArray, count: int, name: str) -> FloatArray:
             f"garment {name!r}: its flat corners must be finite, shape [{count}, 3, 2]"
         )
     return np.concatenate([np.zeros((count, 3, 1)), flat], axis=2)
+
+
+def rest_corners(garment: GarmentLike) -> FloatArray:
+    """Where the corners of a garment's triangles are at rest [m], shape [t, 3, 3].
+
+    Raises:
+        GeometryError: Its `flat` has another shape, or numbers that are not finite.
+    """
+    if garment.flat is not None:
+        return upright(garment.flat, len(garment.triangles), garment.name)
+    rest = garment.vertices if garment.rest is None else garment.rest
+    corners: FloatArray = np.asarray(rest, np.float64)[garment.triangles]
+    return corners
 
 
 def edge_lengths(corners: FloatArray, triangles: IntArray, edges: IntArray) -> FloatArray:

@@ -13,6 +13,7 @@ from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.geometry.topology import mesh_topology
 from garment_sim_ros.geometry.transforms import invert_transform, transform_points
 from garment_sim_ros.sim.placement import find_frames
+from garment_sim_ros.sim.rest_shape import edge_lengths, rest_corners
 
 _SHORTEST = 0.1
 """Edges count as at least so long, in mean edge lengths: the needles of a bad mesh are too short
@@ -44,7 +45,10 @@ class Edges:
 
     def __init__(self, garments: tuple[Garment, ...]) -> None:
         self._edges = {g.name: mesh_topology(g.triangles).edges for g in garments}
-        self._rest = {g.name: _lengths(g.vertices, self._edges[g.name]) for g in garments}
+        self._rest = {
+            g.name: edge_lengths(rest_corners(g), g.triangles, self._edges[g.name])
+            for g in garments
+        }
         self._own = {g.name: g.triangles for g in garments if g.self_collision}
 
     def strain(self, x: dict[str, FloatArray]) -> Strain:

@@ -54,7 +54,7 @@ class Wearer:
         self._scale = scale
         self._colliders = colliders
         self._garments = garments
-        self._meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in garments}
+        self._meshes = {g.name: GarmentMesh.of(g) for g in garments}
         self._skin = SkinFromPoses(colliders, body)
         self._body = MeshDistance(body.skin.vertices, body.skin.triangles)
         self._cloth = {g.name: MeshDistance(g.vertices, g.triangles) for g in garments}

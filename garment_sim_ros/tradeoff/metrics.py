@@ -84,7 +84,7 @@ def worn_figures(staged: Staged, paths: Paths) -> dict[str, float]:
 
 
 def _meshes(staged: Staged) -> dict[str, GarmentMesh]:
-    return {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in staged.garments}
+    return {g.name: GarmentMesh.of(g) for g in staged.garments}
 
 
 def _looks(staged: Staged) -> Sequence[int]:

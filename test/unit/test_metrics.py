@@ -1,10 +1,13 @@
 """Measures of cloth against skin, on shapes where the answer is known."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import trimesh
 
 from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh, crossed, rate
+from garment_sim_ros.sim.model import build_model
 
 
 @pytest.fixture
@@ -88,6 +91,29 @@ def test_inside_is_the_share_of_the_area_that_is_deep_in_the_skin(body):
     assert meter.result()["inside_p99"] == 0.0
     assert meter.result()["skin_shows_p99"] > 0.9
     assert meter.result()["penetration_mm_max"] > 0.3
+
+
+@pytest.mark.parametrize("cut", ["in its vertices", "elsewhere", "flat"])
+def test_strain_is_of_the_lengths_at_rest(cloth, cut):
+    """A sheet that is put on with four fifths of its width, and is at rest with all of it."""
+    rest, triangles = cloth.grid(9, 7)
+    drawn = rest * [1.0, 0.8, 1.0]
+    garment = cloth.garment(rest if cut == "in its vertices" else drawn, triangles)
+    if cut == "elsewhere":
+        garment = dataclasses.replace(garment, rest=rest)
+    elif cut == "flat":
+        assert np.ptp(rest[:, 2]) == 0.0
+        garment = dataclasses.replace(garment, flat=rest[triangles][:, :, :2])
+    mesh = GarmentMesh.of(garment)
+    assert mesh.strain(rest) == pytest.approx(0.0, abs=1e-12)
+    along = np.ptp(rest[mesh.edges][:, :, 0], axis=1) == 0.0
+    assert mesh.strain(drawn)[along] == pytest.approx(-0.2, abs=1e-12)
+    assert mesh.rest_area.sum() == pytest.approx(np.ptp(rest[:, 0]) * np.ptp(rest[:, 1]))
+    # As the solver has it.
+    x = garment.vertices if garment.rest is None else garment.rest
+    springs = build_model("c", x, triangles, garment.material, flat=garment.flat).springs
+    of_solver = springs.rest_length[springs.bending :]
+    assert np.sort(mesh.rest_length) == pytest.approx(np.sort(of_solver), rel=1e-6)
 
 
 def test_a_garment_that_shows_through_another_is_crossed(body):

@@ -82,7 +82,7 @@ def wearer():
 def deepest(wearer, skin, cloth):
     """Most penetration [mm] of the garment at some place around the posed limb."""
     body, garment = wearer
-    mesh = {"leg": GarmentMesh.from_rest(garment.vertices, garment.triangles)}
+    mesh = {"leg": GarmentMesh.of(garment)}
     meter = ClothMeter(skin, body.skin.triangles, mesh, OwnSides.of([garment], body))
     meter.add(skin, {"leg": cloth})
     return meter.result()["penetration_mm_max"]

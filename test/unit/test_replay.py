@@ -124,6 +124,22 @@ def test_summary_of_a_garment_that_is_the_skin(recording, body):
     assert share == pytest.approx(3 / len(belt.vertices), abs=1e-5)
 
 
+def test_the_summary_knows_that_a_garment_is_cut_smaller_than_it_is_put_on(recording, body):
+    """Its outfit tells; the recording has the vertices that it was put on with."""
+    worn = with_belt(recording, body)
+    track = worn.garments["belt"]
+    loose = Garment.from_mesh(track.vertices, track.triangles, name="belt", pins=range(3))
+    tight = dataclasses.replace(loose, rest=track.vertices / 1.1)
+    other = dataclasses.replace(tight, name="scarf")
+    shown = figures(worn, body)
+    found = [
+        summarize(worn, body, [g], shown, frame_rate=60.0)["strain_p95"]
+        for g in (loose, tight, other)
+    ]
+    assert 1.0 + found[1] == pytest.approx(1.1 * (1.0 + found[0]), abs=2e-4)
+    assert found[2] == found[0]
+
+
 def test_film_ends_where_it_began(recording, body):
     replay = Replay(recording, body)
     stamps = recording.joint_stamp[::4]

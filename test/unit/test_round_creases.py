@@ -217,7 +217,7 @@ def test_a_shirt_on_raised_arms_does_not_look_torn(data_file, detail, share):
     """
     avatar = gs.Avatar.load("mannequin")
     outfit = avatar.dress("tshirt_short_skirt")
-    meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in outfit.garments}
+    meshes = {g.name: GarmentMesh.of(g) for g in outfit.garments}
     clip = gs.load_clip(data_file("mocap", "cmu_14_14_jumping_jacks_30fps.bvh"))
     poses = [pose.copy() for pose, _ in zip(avatar.play(clip, rate=60), range(120), strict=False)]
     worst = []

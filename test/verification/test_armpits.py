@@ -16,7 +16,7 @@ def dance(data_file):
     simulation = gs.Simulation(outfit, avatar.colliders)
     (shirt,) = outfit.garments
     meter, longest = PiercedMeter(avatar.colliders), 0.0
-    mesh = GarmentMesh.from_rest(shirt.vertices, shirt.triangles)
+    mesh = GarmentMesh.of(shirt)
     clip = gs.load_clip(data_file("mocap", "deepmimic_dance_a.bvh"))
     for poses in avatar.play(clip, rate=60, seconds=0.6):
         simulation.step(poses, dt=1 / 60)

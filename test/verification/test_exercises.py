@@ -75,7 +75,7 @@ def worn(avatar, clip, start=0):
     """
     outfit = avatar.dress("tshirt_short_skirt")
     simulation = gs.Simulation(outfit, avatar.colliders)
-    meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in outfit.garments}
+    meshes = {g.name: GarmentMesh.of(g) for g in outfit.garments}
     meter, longest = PiercedMeter(avatar.colliders), 0.0
     off = 1e-6 * np.random.default_rng(start).normal(size=(len(avatar.colliders), 3))
     for pose in avatar.play(clip, rate=60.0):

@@ -123,7 +123,7 @@ def test_trousers_stay_on_through_a_spin_kick(data_file):
     (trousers,) = outfit.garments
     meter = PiercedMeter(avatar.colliders)
     longest = 0.0
-    mesh = GarmentMesh.from_rest(trousers.vertices, trousers.triangles)
+    mesh = GarmentMesh.of(trousers)
     for poses in avatar.play(clip, rate=60, seconds=1.25):
         simulation.step(poses, dt=1 / 60)
         x = simulation[trousers.name].positions.astype(np.float64)

@@ -77,7 +77,7 @@ def test_skin_of_a_bad_rig_does_not_show(data_file, preset):
     outfit = avatar.dress("tshirt_short_skirt")
     simulation = gs.Simulation(outfit, avatar.colliders, preset=preset)
     skin = SkinFromPoses(avatar.colliders, avatar.body)
-    meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in outfit.garments}
+    meshes = {g.name: GarmentMesh.of(g) for g in outfit.garments}
     body = avatar.body.skin.vertices, avatar.body.skin.triangles
     over, under = (ClothMeter(*body, meshes) for _ in range(2))
     clip = gs.load_clip(data_file("mocap", "deepmimic_dance_a.bvh"))

@@ -21,7 +21,7 @@ def test_hardly_any_skin_shows_through_a_skirt(data_file, body, detail, most):
     outfit = avatar.dress("tshirt_long_skirt")
     simulation = gs.Simulation(outfit, avatar.colliders, detail=detail)
     skin = SkinFromPoses(avatar.colliders, avatar.body)
-    meshes = {g.name: GarmentMesh.from_rest(g.vertices, g.triangles) for g in outfit.garments}
+    meshes = {g.name: GarmentMesh.of(g) for g in outfit.garments}
     shown, simulated = (
         ClothMeter(avatar.body.skin.vertices, avatar.body.skin.triangles, meshes) for _ in range(2)
     )
