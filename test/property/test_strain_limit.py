@@ -167,8 +167,12 @@ def test_a_single_edge_is_shortened_whatever_holds_its_ends(cloth, held, far):
     assert (held == "caught") == (x[middle, 2] == np.float32(far))
 
 
-def test_an_edge_through_a_limb_is_shortened(cloth):
-    """Its ends touch a limb from two sides: no way along the surfaces leads together."""
+@pytest.mark.parametrize("are_caught", [False, True])
+def test_an_edge_through_a_limb_is_shortened(cloth, are_caught):
+    """Its ends touch a limb from two sides: no way along the surfaces leads together.
+
+    Nor does any where both are caught between two limbs.
+    """
     rest, triangles = cloth.grid(20, 20)
     edges = mesh_topology(triangles).edges
     weight = np.ones(len(rest), np.float32)
@@ -186,14 +190,16 @@ def test_an_edge_through_a_limb_is_shortened(cloth):
     normal[i], normal[j] = apart, -apart
     none = np.zeros((len(rest), 3), np.float32)
     nothing = np.zeros(len(rest), np.bool_)
-    planes = Planes(shape, normal, none[:, 0].copy(), nothing, none, none)
+    depth = np.where((shape >= 0) & are_caught, np.inf, 0.0).astype(np.float32)
+    caught = depth == np.inf
+    planes = Planes(shape, normal, depth, caught, none, none)
     strained = naive_xpbd.Strained(
         edges=edges,
         rest_length=length,
         inverse_mass=weight,
         normal=np.where((shape >= 0)[:, None], normal, np.nan),
-        pressed=nothing,
-        caught=nothing,
+        pressed=caught,
+        caught=caught,
         kept=nothing,
         free=len(rest),
         longest=_LONGEST,

@@ -290,8 +290,9 @@ def shorten_longest(x, edges, planes, kept, limit):
     if too_long == 0 or not _are_single(too_long, edges):
         return
     for _ in range(_LAST_PASSES):
+        # An edge whose ends are both caught is left to the passes after these.
         if not _shorten_all(x, flat, edges, planes, kept, longest, True):
-            return
+            break
     for _ in range(_UTMOST_PASSES):
         if not _shorten_all(x, flat, edges, planes, kept, utmost, False):
             return
