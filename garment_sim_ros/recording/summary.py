@@ -16,9 +16,6 @@ from garment_sim_ros.recording.previews import Figure
 from garment_sim_ros.recording.replay import Replay
 from garment_sim_ros.recording.tracks import GarmentTrack
 
-_SAME = 1e-4
-"""A garment that was made with other vertices is another one, of another body [m]."""
-
 
 def figures(recording: Recording, body: Body) -> list[Figure]:
     """Skin and garments at the times `recording.stamp`."""
@@ -103,14 +100,16 @@ def _pierced(recording: Recording) -> Pierced | None:
 
 
 def _mesh(track: GarmentTrack, garment: Garment | None) -> GarmentMesh:
-    """What is measured on a garment; the recording alone does not tell how it was cut."""
-    if (
-        garment is not None
-        and np.array_equal(garment.triangles, track.triangles)
-        and np.allclose(garment.vertices, track.vertices, rtol=0.0, atol=_SAME)
-    ):
-        return GarmentMesh.of(garment)
-    return GarmentMesh.from_rest(track.vertices, track.triangles)
+    """What is measured on a garment; the recording alone does not tell how it was cut.
+
+    Its vertices are as it was put on there: over which colliders, the outfit does not tell.
+    """
+    mesh = GarmentMesh.from_rest(track.vertices, track.triangles)
+    if garment is None or not np.array_equal(garment.triangles, track.triangles):
+        return mesh
+    if garment.flat is None and garment.rest is None:
+        return mesh
+    return GarmentMesh.of(garment)
 
 
 def _garment(garment: Garment) -> dict[str, Any]:
