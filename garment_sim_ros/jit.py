@@ -38,6 +38,7 @@ from numba.core.registry import CPUDispatcher
 from numba.core.types import unliteral
 
 from garment_sim_ros.compile_once import compile_once
+from garment_sim_ros.uninterrupted import load_uninterrupted
 
 _FAST_FLAGS = {"reassoc", "contract", "arcp", "nsz", "afn"}
 _VERSIONS_KEPT = 4
@@ -105,6 +106,7 @@ if not os.environ.get("NUMBA_CACHE_DIR"):
         pass  # no home directory, or a read-only one: the compiler finds another place, or none
 
 compile_once()
+load_uninterrupted()
 
 _dispatcher: Any = Dispatcher
 _compile = _dispatcher._compile_for_args
