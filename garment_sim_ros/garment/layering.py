@@ -16,7 +16,7 @@ from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.garment.dressing import over_the_body
 from garment_sim_ros.garment.garment import Garment
-from garment_sim_ros.garment.letting_out import spread
+from garment_sim_ros.garment.letting_out import let_out_panels, spread
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.mesh import GarmentMesh
 from garment_sim_ros.geometry.mesh_distance import MeshDistance
@@ -41,10 +41,22 @@ class Cut:
     Attributes:
         garment: The garment.
         measures: The body.
+        sewn: Its vertices as they were sewn [m], shape [v, 3]; None: it was not cut from panels.
     """
 
     garment: Garment
     measures: Measures
+    sewn: FloatArray | None = None
+
+    def let_out(self) -> Garment:
+        """The garment with its panels let out to where its vertices are by now."""
+        garment = self.garment
+        if self.sewn is None or garment.flat is None:
+            return garment
+        return replace(
+            garment,
+            flat=let_out_panels(garment.flat, garment.triangles, self.sewn, garment.vertices),
+        )
 
 
 def layers_of(cuts: Sequence[Cut]) -> list[int]:
@@ -73,9 +85,7 @@ def layers_of(cuts: Sequence[Cut]) -> list[int]:
     return [layers[i] for i in range(len(cuts))]
 
 
-def with_room(
-    cuts: Sequence[Cut], colliders: ColliderSet | None
-) -> tuple[list[Garment], list[str]]:
+def with_room(cuts: Sequence[Cut], colliders: ColliderSet | None) -> tuple[list[Cut], list[str]]:
     """Garments whose cut leaves each its place under or over the others.
 
     Args:
@@ -103,7 +113,7 @@ def with_room(
                     notes.append(
                         f"{garment.name}: was let {way} {other} by up to {1e3 * moved:.0f} mm"
                     )
-    return [cut.garment for cut in fitted], notes
+    return fitted, notes
 
 
 def _let_in(inner: Cut, outer: Cut, colliders: ColliderSet | None) -> Cut:

@@ -26,6 +26,8 @@ _ROUNDS = 12
 _STEP, _STEPS = 1e-3, 50
 """What is inside of ellipsoids still is moved outwards by so much at once, for a person of 1.65 m
 [m], and so many times at most."""
+_STAYS = 1e-6
+"""What moved by less did not [m]."""
 _SHORTEST = 0.4
 """No edge gets shorter than this share of its length as cut."""
 
@@ -115,3 +117,56 @@ def spread(
             break
         moved[short] = np.asarray(neighbours[short] @ moved) / degree[short]
     return start + moved
+
+
+def let_out_panels(
+    flat: FloatArray, triangles: IntArray, sewn: FloatArray, worn: FloatArray
+) -> FloatArray:
+    """Panels let out where the garment is wider over the colliders than it was sewn.
+
+    Each triangle gets longer, in all directions alike or not, until it is stretched no more than
+    as it was sewn. None gets shorter.
+
+    Args:
+        flat: Weft and warp of the triangles' corners [m], shape [t, 3, 2].
+        triangles: Their vertices, shape [t, 3].
+        sewn: Vertices of the garment as it was sewn [m], shape [v, 3].
+        worn: The same as it is put on [m], shape [v, 3].
+
+    Returns:
+        Weft and warp of the corners [m], shape [t, 3, 2].
+    """
+    if flat.shape != (len(triangles), 3, 2):
+        return flat  # of no use, as will be told
+    moved = (np.abs(worn - sewn) > _STAYS)[triangles].any(axis=(1, 2))
+    with np.errstate(invalid="ignore"):  # without area, or not numbers: as they are
+        moved &= np.abs(np.linalg.det(_sides(flat))) > 0.0
+    corners, of = flat[moved], triangles[moved]
+    if not len(of):
+        return flat
+    to_flat = np.linalg.inv(_sides(corners))
+    as_sewn, as_worn = (_sides(x[of]) @ to_flat for x in (sewn, worn))
+    # In right stretch tensors squared: what is folded as sewn need not be let out to unfold.
+    taut = _at_least_one(as_sewn.transpose(0, 2, 1) @ as_sewn)
+    rate, axes = np.linalg.eigh(taut)
+    slack = axes / np.sqrt(rate)[:, None, :] @ axes.transpose(0, 2, 1)
+    more = _at_least_one(slack @ as_worn.transpose(0, 2, 1) @ as_worn @ slack)
+    rate, axes = np.linalg.eigh(more)
+    longer = axes * np.sqrt(rate)[:, None, :] @ axes.transpose(0, 2, 1)
+    result = flat.copy()
+    middle = corners.mean(axis=1, keepdims=True)
+    result[moved] = middle + (corners - middle) @ longer
+    return result
+
+
+def _sides(corners: FloatArray) -> FloatArray:
+    """Two sides of each triangle, as columns, shape [t, d, 2]."""
+    sides: FloatArray = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+    return sides
+
+
+def _at_least_one(tensor: FloatArray) -> FloatArray:
+    """Symmetric tensors with eigenvalues of 1 and more, shape [t, 2, 2]."""
+    rate, axes = np.linalg.eigh(tensor)
+    raised: FloatArray = axes * np.maximum(rate, 1.0)[:, None, :] @ axes.transpose(0, 2, 1)
+    return raised

@@ -79,6 +79,7 @@ def make_outfit(
     colliders: ColliderSet | None = None,
     meshes: Mapping[str, GarmentMesh] = MappingProxyType({}),
     attachments: str = AUTOMATIC,
+    as_cut: bool = False,
 ) -> Outfit:
     """An outfit that was read, made for a body in its rest pose.
 
@@ -88,6 +89,8 @@ def make_outfit(
         colliders: As for `load_outfit`.
         meshes: Surfaces of garments by name, in the place of their files.
         attachments: As for `load_outfit`.
+        as_cut: Whether panels keep their sizes; else they are let out over colliders and over
+            other garments.
 
     Raises:
         InputFileError: A mesh that the outfit names cannot be used.
@@ -109,7 +112,8 @@ def make_outfit(
                 "nothing; it acts with an attachment_stiffness"
             )
     cuts, found = _layered(file, cuts)
-    garments, let = with_room(cuts, colliders)
+    cuts, let = with_room(cuts, colliders)
+    garments = [cut.garment if as_cut else cut.let_out() for cut in cuts]
     notes += [*found, *let, *(f"colliders: {remark}" for remark in idle(file.colliders))]
     return Outfit(
         name=file.name,
@@ -223,4 +227,5 @@ def _make(
     if from_file:
         held = [garment.pins, *([garment.soft.vertices] if garment.soft else [])]
         notes += loose_parts(garment.vertices, garment.triangles, np.concatenate(held))
-    return Cut(garment=garment, measures=measures), (*mesh.notes, *notes)
+    sewn = None if mesh.flat is None else mesh.vertices
+    return Cut(garment=garment, measures=measures, sewn=sewn), (*mesh.notes, *notes)

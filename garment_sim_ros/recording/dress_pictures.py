@@ -50,7 +50,7 @@ def dressed_picture(
     Raises:
         RenderingUnavailableError: The ray caster is not installed.
     """
-    worn = [(m.sewn.vertices, m.sewn.triangles) for m in made]
+    worn = [(m.sewn.shown, m.sewn.triangles) for m in made]
     surfaces = clothed(skin, skin_triangles, worn, colours)
     cloth = np.concatenate([x for x, _ in worn])
     views = [view_of(surfaces, cloth, angle) for _, angle in VIEWS]
@@ -160,7 +160,7 @@ def _strain_surfaces(made: Made) -> list[Surface]:
     band = np.searchsorted([limit for limit, _, _ in _BANDS], worst)
     return [
         Surface(
-            vertices=made.sewn.vertices,
+            vertices=made.sewn.shown,
             triangles=np.ascontiguousarray(triangles[band == k]),
             color=color(code),
         )

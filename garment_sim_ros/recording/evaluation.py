@@ -55,7 +55,9 @@ def evaluate(
     """
     recording = read_recording(bag)
     avatar = replace(load_body(body, bone_names=bone_names), skinning=skinning)
-    garments = load_outfit(outfit, avatar, attachments=attachments).garments
+    colliders = None if recording.colliders is None else recording.colliders.colliders
+    # Over the colliders of the run: panels were let out over them.
+    garments = load_outfit(outfit, avatar, colliders=colliders, attachments=attachments).garments
     shown = figures(recording, avatar)
     if len(shown) < 2:
         raise InputFileError(bag, "fewer than 2 whole frames", "record for longer")

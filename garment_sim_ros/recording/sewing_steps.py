@@ -43,7 +43,7 @@ def steps_picture(
     """
     stages = (
         [(m.sewn.placed, m.pieces.triangles) for m in made],
-        [(m.sewn.vertices, m.sewn.triangles) for m in made],
+        [(m.sewn.shown, m.sewn.triangles) for m in made],
     )
     extent = np.concatenate([x for stage in stages for x, _ in stage])
     views = [

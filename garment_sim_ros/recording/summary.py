@@ -40,7 +40,7 @@ def summarize(
     Args:
         recording: What was recorded.
         body: The avatar.
-        garments: As the outfit makes them on this body.
+        garments: As the outfit makes them on this body, over the colliders of the run.
         shown: What `figures` gives; may be wrapped to show progress.
         frame_rate: At which frames are due [Hz].
 
@@ -100,10 +100,7 @@ def _pierced(recording: Recording) -> Pierced | None:
 
 
 def _mesh(track: GarmentTrack, garment: Garment | None) -> GarmentMesh:
-    """What is measured on a garment; the recording alone does not tell how it was cut.
-
-    Its vertices are as it was put on there: over which colliders, the outfit does not tell.
-    """
+    """What is measured on a garment; the recording alone does not tell how it was cut."""
     mesh = GarmentMesh.from_rest(track.vertices, track.triangles)
     if garment is None or not np.array_equal(garment.triangles, track.triangles):
         return mesh

@@ -21,6 +21,7 @@ def lowered(way, at):
     gone = placed - np.array([0.0, 0.0, way])
     sewn = Sewn(
         vertices=pieces.joined(gone),
+        shown=pieces.joined(gone),
         triangles=pieces.sewn_triangles,
         flat=pieces.corners,
         placed=placed,

@@ -22,6 +22,7 @@ def hung(stretch):
     x[front] = stretch(x[front])
     return pieces, Sewn(
         vertices=x,
+        shown=x,
         triangles=pieces.triangles,
         flat=flat,
         placed=x,

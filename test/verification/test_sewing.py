@@ -46,6 +46,19 @@ def test_a_skirt_passes_all_gates(skirt):
     assert not skirt.gates.failed, skirt.gates.lines()
 
 
+@pytest.mark.parametrize(
+    ("wearer", "garment"),
+    [
+        ("mannequin:height=2.0,build=1,sex=1", "short_skirt"),
+        ("mannequin", "long_sleeved_shirt"),
+    ],
+)
+def test_seams_close_on_the_particles_and_not_where_they_are_shown(wearer, garment):
+    made = make(garment, Model(load_body(wearer)))
+    assert max(made.sewn.gaps) < 1e-4
+    assert not made.gates.failed, made.gates.lines()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "garment"),

@@ -76,6 +76,7 @@ class Sewn:
 
     Attributes:
         vertices: At rest on the body [m], shape [v, 3].
+        shown: The same over what of the body is between them [m], shape [v, 3].
         triangles: Shape [t, 3].
         flat: Weft and warp of the triangles' corners [m], shape [t, 3, 2].
         placed: The panels before, each with vertices of its own [m], shape [n, 3].
@@ -87,6 +88,7 @@ class Sewn:
     """
 
     vertices: FloatArray
+    shown: FloatArray
     triangles: IntArray
     flat: FloatArray
     placed: FloatArray
@@ -137,9 +139,10 @@ def sew(
     _check_closed(pieces, gaps)
     x = _joined(pieces, closed, wearer, material, tell)
     _check_free(pieces, x)
-    x, rms, fastest = _draped(pieces, x, wearer, material, tell)
+    x, shown, rms, fastest = _draped(pieces, x, wearer, material, tell)
     return Sewn(
         vertices=x,
+        shown=shown,
         triangles=pieces.sewn_triangles,
         flat=pieces.corners,
         placed=placed,
@@ -152,9 +155,9 @@ def sew(
 
 def _draped(
     pieces: Pieces, x: FloatArray, wearer: Wearer, material: Material, tell: Tell
-) -> tuple[FloatArray, float, float]:
-    """The garment at rest [m], shape [v, 3]; RMS speed and that of the fastest vertex [m/s]."""
-    rms = fastest = np.inf
+) -> tuple[FloatArray, FloatArray, float, float]:
+    """The garment at rest and as it is shown [m], shape [v, 3]; RMS and highest speed [m/s]."""
+    shown, rms, fastest = x, np.inf, np.inf
     for n in range(_ROUNDS):
         tell("draping", n / _ROUNDS)
         x = ironed(x, pieces.sewn_triangles)
@@ -162,11 +165,12 @@ def _draped(
         simulation = Simulation(_banded(pieces, whole), wearer.colliders, preset=PRESET)
         simulation.reset(wearer.poses)
         x, rms, fastest, sinking = _come_to_rest(simulation, wearer.poses)
+        shown = simulation[_NAME].positions.astype(np.float64)
         _check_worn(pieces, rms, sinking)
         if not len(self_intersections(x, pieces.sewn_triangles)):
             break
     tell("draping", 1.0)
-    return x, rms, fastest
+    return x, shown, rms, fastest
 
 
 def _whole(pieces: Pieces, x: FloatArray, wearer: Wearer, material: Material) -> Garment:
@@ -215,7 +219,16 @@ def _joined(
 
 
 def _positions(simulation: Simulation) -> FloatArray:
-    return np.asarray(simulation[_NAME].positions, dtype=np.float64).copy()
+    return simulated(simulation, _NAME)
+
+
+def simulated(simulation: Simulation, name: str) -> FloatArray:
+    """Where a garment's particles are [m], shape [v, 3].
+
+    Vertices are shown farther out where triangles between them cut in: at a seam, one side more
+    than the other.
+    """
+    return simulation[name].worn.seen(simulation.origin).astype(np.float64)
 
 
 def seam_gaps(pieces: Pieces, x: FloatArray) -> tuple[float, ...]:
