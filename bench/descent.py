@@ -31,7 +31,7 @@ def walk(avatar: gs.Avatar, frames: list, least: int, most: int) -> tuple[np.nda
         began = time.thread_time()
         simulation.step(poses, dt=STEP)
         times.append(time.thread_time() - began)
-        x.append(np.concatenate([simulation.positions(name) for name in simulation.names]))
+        x.append(np.concatenate([view.simulated for view in simulation]))
     return np.array(x), 1e3 * float(np.median(times[20:]))
 
 

@@ -122,7 +122,7 @@ def run(
         times.append(time.thread_time() - start)
         speeds.append(simulation.health("cloth").rms_speed)
     cost = np.array(times) / units
-    x = simulation.positions("cloth").astype(np.float64)
+    x = simulation["cloth"].simulated.astype(np.float64)
     rest, triangles = simulation.model("cloth").rest, simulation.model("cloth").triangles
     edges = mesh_topology(triangles).edges
     vertex = simulation.model("cloth").vertex

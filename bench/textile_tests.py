@@ -61,7 +61,7 @@ def hung(
     still = ColliderPoses.identity(1)
     for _ in range(FRAMES):
         simulation.advance(still, still, FRAME)
-    return simulation.positions("cloth").astype(np.float64)
+    return simulation["cloth"].simulated.astype(np.float64)
 
 
 def upright(p: np.ndarray) -> np.ndarray:

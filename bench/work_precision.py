@@ -90,7 +90,7 @@ def swing(
         start = time.thread_time()
         simulation.advance(still, still, FRAME)
         cost.append((time.thread_time() - start) / f)
-        way.append(simulation.positions("cloth").astype(np.float64))
+        way.append(simulation["cloth"].simulated.astype(np.float64))
     return np.array(way), float(np.median(cost))
 
 

@@ -50,6 +50,15 @@ class GarmentView:
         return self.worn.shown(self._origin)
 
     @property
+    def simulated(self) -> SingleArray:
+        """The same where the solver has them [m], shape [v, 3].
+
+        They are shown up to some millimetres farther out, where triangles between them cut into
+        the body: what judges or goes on with the simulation takes these.
+        """
+        return self.worn.simulated(self._origin)
+
+    @property
     def velocities(self) -> SingleArray:
         """World velocities of the vertices [m/s], shape [v, 3]."""
         return self.worn.velocities()

@@ -249,12 +249,16 @@ class Worn(Piece):
             origin: What the state is relative to [m], shape [3].
             out: Receives them; else a new array.
         """
-        if self.surface is None:
-            out = self.seen(origin, out)
-        else:
-            out = np.empty((len(self.surface), 3), np.float32) if out is None else out
-            self.surface.follow(self.seen(_NOWHERE, self.x_simulated), origin, out)
+        out = self.simulated(origin, out)
         out += self.aside.off
+        return out
+
+    def simulated(self, origin: FloatArray, out: SingleArray | None = None) -> SingleArray:
+        """The same before what is shown is laid over the body, shape [v, 3]."""
+        if self.surface is None:
+            return self.seen(origin, out)
+        out = np.empty((len(self.surface), 3), np.float32) if out is None else out
+        self.surface.follow(self.seen(_NOWHERE, self.x_simulated), origin, out)
         return out
 
     def seen(self, origin: FloatArray, out: SingleArray | None = None) -> SingleArray:

@@ -22,7 +22,7 @@ class Snapshot:
 
     Attributes:
         frame: Which frame they are in.
-        x: World positions by name [m], shape [v, 3].
+        x: World positions by name, as they are simulated [m], shape [v, 3].
         v: World velocities by name [m/s], shape [v, 3].
     """
 
@@ -36,13 +36,16 @@ class Played:
     """What was seen in some frames.
 
     Attributes:
-        paths: World positions by name [m], the start and after each frame, shape [f + 1, v, 3].
+        paths: World positions by name as they are shown [m], the start and after each frame, shape
+            [f + 1, v, 3].
+        simulated: The same where the solver has them.
         processor: Processor time of each frame [s].
         wall: Time of each frame [s].
         let_go: Particles whose contact was dropped, after each frame.
     """
 
     paths: dict[str, SingleArray]
+    simulated: dict[str, SingleArray]
     processor: list[float] = field(default_factory=list)
     wall: list[float] = field(default_factory=list)
     let_go: list[int] = field(default_factory=list)
@@ -94,15 +97,15 @@ class Player:
         """What there is now."""
         return Snapshot(
             frame=frame,
-            x={view.name: view.positions for view in self.simulation},
+            x={view.name: view.simulated for view in self.simulation},
             v={view.name: view.velocities for view in self.simulation},
         )
 
     def begin(self, at: Snapshot) -> None:
         """Be where a snapshot is, without contacts or anything else known from before.
 
-        With `detail` what is simulated lies on what the snapshot shows, which folds may put it off
-        by a little.
+        With `detail` what is simulated lies on the surface of the snapshot, which folds may put it
+        off by a little.
         """
         simulation, poses = self.simulation, self.staged.poses[at.frame]
         simulation.transport(poses, poses)
@@ -128,8 +131,9 @@ class Player:
         """
         poses, dt = self.staged.poses, self.staged.scene.frame
         end = len(poses) - 1
-        rows: dict[str, list[SingleArray]] = {v.name: [v.positions] for v in self.simulation}
-        played = Played(paths={})
+        shown: dict[str, list[SingleArray]] = {v.name: [v.positions] for v in self.simulation}
+        simulated: dict[str, list[SingleArray]] = {v.name: [v.simulated] for v in self.simulation}
+        played = Played(paths={}, simulated={})
         due = time.perf_counter()
         for n in range(first, last):
             if paced:
@@ -141,6 +145,8 @@ class Player:
             played.wall.append(time.perf_counter() - wall)
             played.let_go.append(sum(v.health.let_go for v in self.simulation))
             for view in self.simulation:
-                rows[view.name].append(view.positions)
-        played.paths = {name: np.array(row) for name, row in rows.items()}
+                shown[view.name].append(view.positions)
+                simulated[view.name].append(view.simulated)
+        played.paths = {name: np.array(row) for name, row in shown.items()}
+        played.simulated = {name: np.array(row) for name, row in simulated.items()}
         return played

@@ -37,7 +37,8 @@ class Reference:
 
     Attributes:
         starts: The segments' starts.
-        paths: World positions by name [m], the start and after each frame, shape [f + 1, v, 3].
+        paths: World positions by name as they are simulated [m], the start and after each frame,
+            shape [f + 1, v, 3].
         sub_steps: Of each segment, in a frame.
         changes: By how much the last doubling changed each segment [mm].
         chaos: By how much each segment changes where its start is shaken [mm].
@@ -227,7 +228,7 @@ def _rest(
         for v in now.v.values():
             v[:] = 0.0  # what swings stops in the middle, sooner or later
         fine.begin(now)
-        paths = fine.play(end, end + max(12, round(_REST / dt))).paths
+        paths = fine.play(end, end + max(12, round(_REST / dt))).simulated
         then, now = now, fine.snapshot(end)
         moved = distance_mm(then.x, now.x)
         if moved < 0.5 * CHANGE:

@@ -195,7 +195,7 @@ def _trajectory_mm(player: Player, against: Reference, end: int) -> float:
     for start, (first, last) in zip(against.starts, against.segments):
         if first < end:
             player.begin(start)
-            paths = player.play(first, last).paths
+            paths = player.play(first, last).simulated
             whole = {name: x[first : last + 1] for name, x in against.paths.items()}
             squares += distance_mm(paths, whole) ** 2 * (last - first)
             frames += last - first
@@ -212,7 +212,7 @@ def _static_mm(player: Player, against: Reference) -> float:
         still.v[name][:] = 0.0
     player.begin(still)
     alone = player.play(end, end + max(12, round(_STATIC / staged.scene.frame)))
-    return distance_mm({name: x[-1] for name, x in alone.paths.items()}, against.rest)
+    return distance_mm({name: x[-1] for name, x in alone.simulated.items()}, against.rest)
 
 
 def plain(value: Any) -> Any:

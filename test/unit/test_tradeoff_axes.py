@@ -96,7 +96,7 @@ class TestPresets:
         [
             ("fast", "capsules", "xpbd", 9, 1),
             ("balanced", "hulls", "xpbd", 18, 1),
-            ("accurate", "hulls", "xpbd", 36, 1),
+            ("accurate", "hulls", "xpbd", 54, 1),
             ("sun2007", "sun2007", "relaxation", 1, 3),
             ("gong2018", "gong2018", "relaxation", 1, 3),
         ],

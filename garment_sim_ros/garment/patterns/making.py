@@ -35,7 +35,7 @@ from garment_sim_ros.garment.patterns.pieces import Pieces, cut, edge_length_for
 from garment_sim_ros.garment.patterns.place_checks import check_band, check_near, check_ways
 from garment_sim_ros.garment.patterns.placing import placed_clear
 from garment_sim_ros.garment.patterns.rolling import rolled_tubes
-from garment_sim_ros.garment.patterns.sewing import PRESET, Sewn, Tell, sew, simulated
+from garment_sim_ros.garment.patterns.sewing import PRESET, Sewn, Tell, sew
 from garment_sim_ros.garment.patterns.staying_up import check_up
 from garment_sim_ros.garment.patterns.tape import Tape, measured
 from garment_sim_ros.garment.patterns.tautness import tautest
@@ -362,7 +362,8 @@ def worn_together(made: Mapping[str, Made], model: Model) -> dict[str, Made]:
     simulation.reset(model.poses)
     together = {}
     for name, m in made.items():
-        shown = simulation[name].positions.astype(np.float64)
-        sewn = replace(m.sewn, vertices=simulated(simulation, name), shown=shown)
+        view = simulation[name]
+        x, shown = (np.asarray(of, np.float64) for of in (view.simulated, view.positions))
+        sewn = replace(m.sewn, vertices=x, shown=shown)
         together[name] = replace(m, sewn=sewn, gates=_measured(m.pieces, sewn, model))
     return together

@@ -219,16 +219,8 @@ def _joined(
 
 
 def _positions(simulation: Simulation) -> FloatArray:
-    return simulated(simulation, _NAME)
-
-
-def simulated(simulation: Simulation, name: str) -> FloatArray:
-    """Where a garment's particles are [m], shape [v, 3].
-
-    Vertices are shown farther out where triangles between them cut in: at a seam, one side more
-    than the other.
-    """
-    return simulation[name].worn.seen(simulation.origin).astype(np.float64)
+    """Where its vertices are, not where they are shown: at a seam, one side farther out."""
+    return simulation[_NAME].simulated.astype(np.float64)
 
 
 def seam_gaps(pieces: Pieces, x: FloatArray) -> tuple[float, ...]:
