@@ -35,7 +35,7 @@ from garment_sim_ros.garment.patterns.pieces import Pieces, cut, edge_length_for
 from garment_sim_ros.garment.patterns.place_checks import check_band, check_near, check_ways
 from garment_sim_ros.garment.patterns.placing import placed_clear
 from garment_sim_ros.garment.patterns.rolling import rolled_tubes
-from garment_sim_ros.garment.patterns.sewing import PRESET, Sewn, Tell, sew
+from garment_sim_ros.garment.patterns.sewing import DRAPING, Sewn, Tell, sew
 from garment_sim_ros.garment.patterns.staying_up import check_up
 from garment_sim_ros.garment.patterns.tape import Tape, measured
 from garment_sim_ros.garment.patterns.tautness import tautest
@@ -358,7 +358,7 @@ def worn_together(made: Mapping[str, Made], model: Model) -> dict[str, Made]:
         meshes={name: m.mesh for name, m in made.items()},
         as_cut=True,
     )
-    simulation = Simulation(outfit, model.colliders, preset=PRESET)
+    simulation = Simulation(outfit, model.colliders, **DRAPING)
     simulation.reset(model.poses)
     together = {}
     for name, m in made.items():
