@@ -243,18 +243,13 @@ class Worn(Piece):
         self.measure()
 
     def shown(self, origin: FloatArray, out: SingleArray | None = None) -> SingleArray:
-        """World positions of all its vertices as they are shown, in file order [m], shape [v, 3].
-
-        Args:
-            origin: What the state is relative to [m], shape [3].
-            out: Receives them; else a new array.
-        """
+        """World positions of all its vertices as they are shown, in file order [m], shape [v, 3]."""
         out = self.simulated(origin, out)
         out += self.aside.off
         return out
 
     def simulated(self, origin: FloatArray, out: SingleArray | None = None) -> SingleArray:
-        """The same before what is shown is laid over the body, shape [v, 3]."""
+        """The same before they are laid over the body; the state is relative to `origin` [m]."""
         if self.surface is None:
             return self.seen(origin, out)
         out = np.empty((len(self.surface), 3), np.float32) if out is None else out

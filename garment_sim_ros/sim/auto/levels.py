@@ -38,14 +38,14 @@ class Level:
 
 
 LEVELS: tuple[Level, ...] = (
-    Level(name="fast", sub_steps=9, search_every=9, cost=0.69),
-    Level(name="12", sub_steps=12, search_every=12, cost=0.7),
-    Level(name="18", sub_steps=18, search_every=18, cost=0.78),
-    Level(name="18, 2 searches", sub_steps=18, search_every=9, cost=0.91),
+    Level(name="fast", sub_steps=9, search_every=9, cost=0.64),
+    Level(name="12", sub_steps=12, search_every=12, cost=0.66),
+    Level(name="18", sub_steps=18, search_every=18, cost=0.75),
+    Level(name="18, 2 searches", sub_steps=18, search_every=9, cost=0.89),
     Level(name="balanced", sub_steps=18, search_every=6, cost=1.0),
-    Level(name="27", sub_steps=27, search_every=9, cost=1.15),
-    Level(name="36, 3 searches", sub_steps=36, search_every=12, cost=1.51),
-    Level(name="accurate", sub_steps=54, search_every=18, cost=1.84),
+    Level(name="27", sub_steps=27, search_every=9, cost=1.14),
+    Level(name="36, 3 searches", sub_steps=36, search_every=12, cost=1.4),
+    Level(name="accurate", sub_steps=54, search_every=18, cost=1.72),
 )
 """What `garment-sim tradeoff --calibrate` measured where this was written."""
 START = "balanced"
