@@ -243,7 +243,7 @@ class Worn(Piece):
         self.measure()
 
     def shown(self, origin: FloatArray, out: SingleArray | None = None) -> SingleArray:
-        """World positions of all its vertices as they are shown, in file order [m], shape [v, 3]."""
+        """World positions of all its vertices as shown, in file order [m], shape [v, 3]."""
         out = self.simulated(origin, out)
         out += self.aside.off
         return out
