@@ -21,12 +21,14 @@ def load_uninterrupted() -> None:
     def finalize_object(self: Any) -> None:
         if threading.current_thread() is not threading.main_thread():
             return plain(self)
-        raised: BaseException | None = None
+        raised: list[BaseException] = []
         ended = threading.Event()
 
         def work() -> None:
             try:
                 plain(self)
+            except BaseException as error:
+                raised.append(error)
             finally:
                 ended.set()
 
@@ -35,8 +37,8 @@ def load_uninterrupted() -> None:
             try:
                 ended.wait()
             except BaseException as error:
-                raised = error
-        if raised is not None:
-            raise raised
+                raised.append(error)
+        if raised:
+            raise raised[0]
 
     JitEngine.finalize_object = finalize_object

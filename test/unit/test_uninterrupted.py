@@ -6,6 +6,9 @@ import sys
 
 import numba
 import pytest
+from numba.core.codegen import JitEngine
+
+from garment_sim_ros.uninterrupted import load_uninterrupted
 
 _PROCESS = """
 import os, signal, sys
@@ -54,3 +57,13 @@ def test_what_interrupts_loading_is_raised_and_the_kernel_can_be_called(tmp_path
 
     assert said() == ["went on", "1 1 1.414"]  # now it is on disk
     assert said("interrupt") == ["interrupted", "2 0 1.414"]
+
+
+def test_what_cannot_be_made_is_told(monkeypatch):
+    def fail(engine):
+        raise MemoryError("no room")
+
+    monkeypatch.setattr(JitEngine, "finalize_object", fail)
+    load_uninterrupted()
+    with pytest.raises(MemoryError, match="no room"):
+        JitEngine.finalize_object(None)
