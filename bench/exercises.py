@@ -4,8 +4,8 @@
     python bench/worn.py --clip FILE.bvh --body mannequin:height=1.75 --pictures
 
 Arms raised, crossed, behind the back, on hips and head; a deep squat, both splits, a lunge, knees
-up, bending over, sitting, kneeling and all fours. Every pose is reached in a second and held for
-half of one, with the stand between.
+up, bending over, sitting, kneeling, on one knee bent over the other, and all fours. Every pose is
+reached in a second and held for half of one, with the stand between.
 """
 
 import argparse
@@ -76,6 +76,11 @@ POSES: dict[str, dict[str, tuple[float, float, float]]] = {
     "sit_on_floor": {"UpLeg": (-90, 0, 12), "Arm": (25, 0, 20)},
     "cross_legged": {"UpLeg": (-85, 55, 0), "Leg": (110, 0, 0), "Arm": (-25, 0, 15)},
     "kneel": {"UpLeg": (-20, 0, 5), "Leg": (110, 0, 0), "Arm": (-10, 0, 15)},
+    "on_one_knee": {
+        **{"Hips": (50, 0, 0), "Spine": (25, 0, 0), "Arm": (-100, 0, 10)},
+        **{"LeftUpLeg": (-140, 0, 5), "LeftLeg": (105, 0, 0), "LeftFoot": (-15, 0, 0)},
+        **{"RightUpLeg": (-55, 0, 10), "RightLeg": (110, 0, 0), "RightFoot": (45, 0, 0)},
+    },
     "all_fours": {
         **{"Hips": (85, 0, 0), "UpLeg": (-85, 0, 4), "Leg": (85, 0, 0), "Arm": (-85, 0, 5)},
         **{"Foot": (60, 0, 0)},

@@ -149,7 +149,7 @@ class _Avatar:
         True, "Turn arms about the shoulder out of hips, trunk and thighs that they are in."
     )
     clear_thighs: bool = parameter(
-        True, "Bend the trunk back where a thigh is more than 2.5 cm deep in it."
+        True, "Bend the body back where a thigh is deep in its belly or hips."
     )
     colliders: str = parameter(
         "", "Collider file, as written by `garment-sim fit`; empty: fitted at the start."

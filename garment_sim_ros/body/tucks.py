@@ -1,16 +1,21 @@
 """Thighs out of the trunk: what one body does in a tuck, softer ones do inside themselves.
 
 Where a thigh is pressed into the belly by more than flesh gives, no cloth fits between the two,
-and what is there has nowhere to go. The trunk is then bent back, at its lowest joint above the
-hips and about the line between the hip joints, until no thigh is deeper in it than `_DEEP`. Legs
-and feet stay where they are. The bend depends on the pose alone: it comes and goes as the thighs
-do.
+and what is there has nowhere to go. The body is then bent back, about the line between the hip
+joints: the hips with all above them, until the middle of no thigh is in them; then the trunk, at
+its lowest joint above the hips, until no thigh is deeper in it than flesh gives; then the hips
+again, where that is not enough. Legs and feet stay where they are. The bends depend on the pose
+alone: they come and go as the thighs do.
 """
 
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.anatomy import SIDES
 from garment_sim_ros.body.arm_pushes import Trunk, find_gaps
 from garment_sim_ros.body.arms import (
@@ -22,103 +27,204 @@ from garment_sim_ros.body.arms import (
 )
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.skin import Body
-from garment_sim_ros.constants import PERSON_HEIGHT
 
 _TRUNK = ("spine", "chest", "upperChest")
-_DEEP = 0.025
-"""Depth of a thigh in the trunk up to which cloth is at rest between them [m]."""
+_GIVES = 0.35
+"""Depth of a thigh in the trunk up to which cloth is at rest between them, as a share of its
+thickness: 2.5 cm of a slim one."""
 _ALONG_THIGH = np.array([0.5, 0.6, 0.7, 0.85, 1.0])
 """Where its spheres are, from hip to knee: nearer to the hip it is in the trunk in any pose."""
+_NEAR_HIP = {0.3: 0.1, 0.4: 0.3, 0.5: 1.0 - _GIVES}
+"""How much of the thigh's thickness stays out of the hips, at places from hip to knee."""
 _SLICE = 0.1
 """Half the length of the thigh that one sphere stands for, as a share of it."""
+_ASIDE = 1.0
+"""Room that a thigh has beside the body [m], none where it is turned up by 30 degrees and more."""
 _ANGLES = np.radians(np.arange(0.0, 31.0, 3.0))
+_MOST = np.radians(60.0)
+"""As far as all bends go together: a body that has more to clear would lean backwards."""
 
 
 class Tucks:
-    """Keeps the thighs of one body out of its trunk.
+    """Keeps the thighs of one body out of its hips and trunk.
 
     Args:
         body: Rig and skin; without a trunk or thighs that have skin nothing is done.
 
     Attributes:
-        bend: By how much the trunk was bent back last [rad].
+        bend: By how much it was bent back last, at the hips and in the trunk together [rad].
     """
 
     def __init__(self, body: Body) -> None:
         self.bend = 0.0
+        self._bends: list[_Bend] = []
         T = rest_transforms(body.rig)
-        self._deep = _DEEP * max(float(np.ptp(body.skin.vertices[:, 2])), 1e-6) / PERSON_HEIGHT
         skins = skin_of_bones(body)
-        trunk = [bone for bone in _TRUNK if len(skins.get(bone, ())) >= LEAST_SKIN]
         legs = [f"{side}{name}" for side in SIDES for name in ("UpperLeg", "LowerLeg")]
-        self._works = bool(trunk) and all(bone in body.humanoid for bone in legs)
-        if not self._works:
+        trunk = [bone for bone in _TRUNK if len(skins.get(bone, ())) >= LEAST_SKIN]
+        if not trunk or not all(bone in body.humanoid for bone in (*legs, "hips")):
             return
-        parts = [part_of(body, T, bone, skins[bone]) for bone in trunk]
-        self._joint_of_part = np.array([part.joint for part in parts], np.int32)
-        self._support = np.array([part.support for part in parts])
-        pivot = body.rig.index(body.humanoid[trunk[0]])
-        self._pivot, self._above = pivot, np.flatnonzero(body.rig.below(pivot))
+        thighs = [body.rig.index(body.humanoid[f"{side}UpperLeg"]) for side in SIDES]
+        spine, hips = (body.rig.index(body.humanoid[bone]) for bone in (trunk[0], "hips"))
+        of_legs = body.rig.below(thighs[0]) | body.rig.below(thighs[1])
+        above = body.rig.below(spine)
         spheres = [_spheres(body, T, side, skins) for side in SIDES]
-        self._hips = [joint for joint, _, _ in spheres]
-        self._mover = np.repeat(self._hips, [len(radius) for _, _, radius in spheres])
-        self._centre = np.concatenate([centre for _, centre, _ in spheres])
-        self._radius = np.concatenate([radius for _, _, radius in spheres])
         # Of a rig whose legs hang on its spine, all would be bent.
-        self._works = len(self._radius) > 0 and not np.isin(self._hips, self._above).any()
-        if self._works:
-            self._gaps(T, _ANGLES[:1])  # compiled or loaded: not in the midst of a motion
+        if not sum(len(radius) for _, radius in spheres) or above[thighs].any():
+            return
+        lean = [(centre, (1.0 - _GIVES) * radius) for centre, radius in spheres]
+        near = [_Near.of(body, T, skins, trunk, thighs, lean)]
+        up = np.array([0.0, 0.0, 1.0])
+        ways = hips, np.stack([np.cross(_axis(T, thighs), up), up]) @ T[hips, :3, :3]
+        moved = (body.rig.below(hips) | above) & ~of_legs
+        if len(skins.get("hips", ())) >= LEAST_SKIN:
+            of_hips = [_middles(body, T, s, r) for s, (_, r) in zip(SIDES, spheres, strict=True)]
+            in_hips = _Near.of(body, T, skins, ["hips"], thighs, of_hips)
+            self._bends.append(_Bend([in_hips], thighs, ways, moved, thighs))
+            near.append(in_hips)
+        self._bends.append(_Bend(near[:1], thighs, ways, above, [spine]))
+        self._bends.append(_Bend(near, thighs, ways, moved, thighs))
+        for bend in self._bends:
+            bend.clear(T.copy(), 0.0)  # compiled or loaded: not in the midst of a motion
 
     def clear(self, T_world_joint: FloatArray) -> None:
-        """Bend the trunk back off thighs that are deep in it.
+        """Bend the body back off thighs that are deep in it.
 
         Args:
             T_world_joint: Poses of the joints, changed in place, shape [n, 4, 4].
         """
         self.bend = 0.0
-        if not self._works or self._gaps(T_world_joint, _ANGLES[:1])[0] >= -self._deep:
-            return
-        least = self._gaps(T_world_joint, _ANGLES)
-        clear = np.flatnonzero(least[1:] >= -self._deep)
+        for bend in self._bends:
+            self.bend += bend.clear(T_world_joint, _MOST - self.bend)
+
+
+class _Near(NamedTuple):
+    """What of the thighs is kept out of some bones.
+
+    Attributes:
+        joint: Joints of the bones, shape [p].
+        support: How far their skin goes in directions, see `body.arm_pushes`, shape [p, d].
+        thigh: The thigh that each sphere is of, shape [m].
+        centre: Centres of the spheres in its frame [m], shape [m, 3].
+        radius: Their radii [m], shape [m].
+    """
+
+    joint: IntArray
+    support: FloatArray
+    thigh: IntArray
+    centre: FloatArray
+    radius: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        body: Body,
+        T: FloatArray,
+        skins: Mapping[str, FloatArray],
+        bones: Sequence[str],
+        thighs: Sequence[int],
+        spheres: Sequence[tuple[FloatArray, FloatArray]],
+    ) -> "_Near":
+        """Of bones with skin [m], and of spheres of each thigh, in the pose T of the joints."""
+        parts = [part_of(body, T, bone, skins[bone]) for bone in bones]
+        return cls(
+            joint=np.array([part.joint for part in parts], np.int32),
+            support=np.array([part.support for part in parts]),
+            thigh=np.repeat(thighs, [len(radius) for _, radius in spheres]).astype(np.int32),
+            centre=np.concatenate([centre for centre, _ in spheres]),
+            radius=np.concatenate([radius for _, radius in spheres]),
+        )
+
+
+class _Bend:
+    """One place at which a body bends back.
+
+    Args:
+        near: What of the thighs is kept out of what it moves.
+        thighs: The joints of both thighs, the left one first.
+        ways: The hips' joint, and the ways ahead and up in its frame, shape [2, 3].
+        moved: Which joints it moves, shape [n].
+        pivot: Joints between which it bends.
+    """
+
+    def __init__(
+        self,
+        near: Sequence[_Near],
+        thighs: Sequence[int],
+        ways: tuple[int, FloatArray],
+        moved: NDArray[np.bool_],
+        pivot: Sequence[int],
+    ) -> None:
+        self._near, self._thighs, self._pivot = tuple(near), list(thighs), list(pivot)
+        self._hips, self._ways = ways
+        self._moved = np.flatnonzero(moved)
+
+    def clear(self, T: FloatArray, most: float) -> float:
+        """Bends back as far as it has to; by how much [rad].
+
+        Args:
+            T: Poses of the joints, changed in place, shape [n, 4, 4].
+            most: How far it may [rad].
+        """
+        if self._gaps(T, _ANGLES[:1])[0] >= 0.0:
+            return 0.0
+        least = self._gaps(T, _ANGLES)
+        clear = np.flatnonzero(least[1:] >= 0.0)
         if clear.size:
             k = int(clear[0]) + 1
-            share = (-self._deep - least[k - 1]) / (least[k] - least[k - 1])
-            self.bend = float(_ANGLES[k - 1] + share * (_ANGLES[k] - _ANGLES[k - 1]))
+            share = -least[k - 1] / (least[k] - least[k - 1])
+            bend = float(_ANGLES[k - 1] + share * (_ANGLES[k] - _ANGLES[k - 1]))
         else:
-            self.bend = float(_ANGLES[-1])
-        R = Rotation.from_rotvec(-self.bend * self._axis(T_world_joint)).as_matrix()
-        pivot = T_world_joint[self._pivot, :3, 3].copy()
-        above = T_world_joint[self._above]
-        above[:, :3, 3] = (above[:, :3, 3] - pivot) @ R.T + pivot
-        above[:, :3, :3] = R @ above[:, :3, :3]
-        T_world_joint[self._above] = above
-
-    def _axis(self, T: FloatArray) -> FloatArray:
-        """Unit vector from the right hip joint to the left one: to bend forward is positive."""
-        left, right = self._hips
-        axis = T[left, :3, 3] - T[right, :3, 3]
-        return np.asarray(axis / max(float(np.linalg.norm(axis)), 1e-9))
+            bend = float(_ANGLES[-1])
+        bend = min(bend, most)
+        R = Rotation.from_rotvec(-bend * _axis(T, self._thighs)).as_matrix()
+        pivot = T[self._pivot, :3, 3].mean(axis=0)
+        moved = T[self._moved]
+        moved[:, :3, 3] = (moved[:, :3, 3] - pivot) @ R.T + pivot
+        moved[:, :3, :3] = R @ moved[:, :3, :3]
+        T[self._moved] = moved
+        return bend
 
     def _gaps(self, T: FloatArray, angles: FloatArray) -> FloatArray:
-        """Least distance of the thighs from the trunk, bent back by angles [rad], [m], shape [a].
+        """Least distance of the thighs from what bends back by angles [rad], [m], shape [a].
 
         The thighs are turned instead, the other way.
         """
-        P = T[self._mover]
-        pivot = T[self._pivot, :3, 3].copy()
-        centre = np.einsum("mij,mj->mi", P[:, :3, :3], self._centre) + P[:, :3, 3] - pivot
-        R = Rotation.from_rotvec(angles[:, None] * self._axis(T)).as_matrix()
-        turned = np.ascontiguousarray(centre @ np.swapaxes(R, 1, 2))
-        gaps = np.empty((len(self._support), *turned.shape[:2]))
-        trunk = Trunk(T[self._joint_of_part], NORMALS_BY_AXIS, self._support)
-        find_gaps(trunk, turned, pivot, self._radius, gaps)
-        return np.asarray(gaps.min(axis=(0, 2)))
+        pivot = T[self._pivot, :3, 3].mean(axis=0)
+        R = np.swapaxes(
+            Rotation.from_rotvec(angles[:, None] * _axis(T, self._thighs)).as_matrix(), 1, 2
+        )
+        ways = self._ways @ T[self._hips, :3, :3].T
+        least = np.full(len(angles), np.inf)
+        for near in self._near:
+            P = T[near.thigh]
+            centre = np.einsum("mij,mj->mi", P[:, :3, :3], near.centre) + P[:, :3, 3] - pivot
+            turned = np.ascontiguousarray(centre @ R)
+            gaps = np.empty((len(near.support), *turned.shape[:2]))
+            trunk = Trunk(T[near.joint], NORMALS_BY_AXIS, near.support)
+            find_gaps(trunk, turned, pivot, near.radius, gaps)
+            # Beside the body it bends past the thigh; behind it, as in a split, into it.
+            ahead, up = ways @ _unit(centre + pivot - P[:, :3, 3]).T
+            gaps += _ASIDE * np.clip(1.0 - 2.0 * (ahead + np.maximum(up, 0.0)), 0.0, None)
+            least = np.minimum(least, gaps.min(axis=(0, 2)))
+        return np.asarray(least)
+
+
+def _axis(T: FloatArray, thighs: Sequence[int]) -> FloatArray:
+    """Unit vector from the right hip joint to the left one: to bend forward is positive."""
+    left, right = thighs
+    return _unit(T[left, :3, 3] - T[right, :3, 3])
+
+
+def _unit(v: FloatArray) -> FloatArray:
+    """Vectors [..., 3] of length 1."""
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9))
 
 
 def _spheres(
     body: Body, T: FloatArray, side: str, skins: dict[str, FloatArray]
-) -> tuple[int, FloatArray, FloatArray]:
-    """A thigh: its joint, centres of its spheres in that joint's frame [m], their radii [m]."""
+) -> tuple[FloatArray, FloatArray]:
+    """A thigh: centres of its spheres in the frame of its joint [m], their radii [m]."""
     hip, knee = (body.rig.index(body.humanoid[f"{side}{b}"]) for b in ("UpperLeg", "LowerLeg"))
     start, end = T[hip, :3, 3], T[knee, :3, 3]
     skin = skins.get(f"{side}UpperLeg", np.zeros((0, 3)))
@@ -131,4 +237,21 @@ def _spheres(
             middle = near.mean(axis=0)
             centre = np.vstack([centre, (middle - start) @ T[hip, :3, :3]])
             radius = np.append(radius, thickness(near, middle, middle + along))
-    return hip, centre, radius
+    return centre, radius
+
+
+def _middles(
+    body: Body, T: FloatArray, side: str, radius: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """What of a thigh is kept out of the hips: spheres between hip and knee, as `_spheres`.
+
+    Args:
+        body: Rig and skin.
+        T: Poses of its joints at rest, shape [n, 4, 4].
+        side: The thigh's.
+        radius: Radii of the spheres that are kept out of the trunk [m].
+    """
+    hip, knee = (body.rig.index(body.humanoid[f"{side}{b}"]) for b in ("UpperLeg", "LowerLeg"))
+    along = (T[knee, :3, 3] - T[hip, :3, 3]) @ T[hip, :3, :3]
+    share = np.array(list(_NEAR_HIP.items())) if len(radius) else np.zeros((0, 2))
+    return share[:, :1] * along, share[:, 1] * radius[:1]
