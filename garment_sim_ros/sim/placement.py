@@ -199,28 +199,38 @@ def places_in_frames(
     return np.einsum("pij,pj->pi", T[:, :3, :3], x) + T[:, :3, 3]
 
 
-def blend(
-    garment: GarmentLike, T_world_frame: FloatArray, of: IntArray | slice = slice(None)
-) -> FloatArray:
-    """Rest vertices carried by their frames like skin, blended linearly.
-
-    This is linear in the transforms: their difference gives displacements.
+class Skin:
+    """Vertices of a garment that are carried by its frames like skin, blended linearly.
 
     Args:
         garment: The garment.
-        T_world_frame: Current transforms of its frames, shape [b, 4, 4].
-        of: Which of the vertices; all by default.
-
-    Returns:
-        World positions [m], shape [v, 3].
+        of: Which of its vertices; all by default.
     """
-    x = np.array(garment.vertices[of], np.float64)
-    x_world = np.empty_like(x)
-    carry(
-        x,
-        np.array(garment.frame_index[of], np.int32),
-        np.array(garment.frame_weight[of], np.float64),
-        T_world_frame @ invert_transform(garment.T_world_frame_rest),
-        x_world,
-    )
-    return x_world
+
+    def __init__(self, garment: GarmentLike, of: IntArray | slice = slice(None)) -> None:
+        self._x = np.array(garment.vertices[of], np.float64)
+        self._frame = np.array(garment.frame_index[of], np.int32)
+        self._weight = np.array(garment.frame_weight[of], np.float64)
+        self._to_frame = invert_transform(garment.T_world_frame_rest)
+
+    def at(self, T_world_frame: FloatArray) -> FloatArray:
+        """Where they are, a new array; linear in the transforms.
+
+        Differences of transforms give displacements.
+
+        Args:
+            T_world_frame: Current transforms of its frames, shape [b, 4, 4].
+
+        Returns:
+            World positions [m], shape [v, 3].
+        """
+        x_world = np.empty_like(self._x)
+        carry(self._x, self._frame, self._weight, T_world_frame @ self._to_frame, x_world)
+        return x_world
+
+
+def blend(
+    garment: GarmentLike, T_world_frame: FloatArray, of: IntArray | slice = slice(None)
+) -> FloatArray:
+    """Vertices of a garment as skin, once; see `Skin`."""
+    return Skin(garment, of).at(T_world_frame)

@@ -23,7 +23,7 @@ from garment_sim_ros.geometry.locality import near_together
 from garment_sim_ros.sim.joint_links import JointLinks
 from garment_sim_ros.sim.motion import to_file_order
 from garment_sim_ros.sim.openings import Openings
-from garment_sim_ros.sim.placement import blend
+from garment_sim_ros.sim.placement import Skin
 from garment_sim_ros.sim.riding_up import RidingUp
 from garment_sim_ros.sim.worn import Worn
 
@@ -73,6 +73,7 @@ class _Record:
     kept: deque[Kept]
     openings: Openings
     riding_up: RidingUp
+    skin: Skin
     first: Kept | None = None
     count: int = 0
     is_off: bool = False
@@ -128,6 +129,7 @@ class Rewinding:
                 deque(maxlen=_KEPT),
                 Openings(colliders, T_world_rest, w.model.triangles),
                 RidingUp(w.garment),
+                Skin(w.garment),
             )
             for n, w in worn.items()
         }
@@ -143,7 +145,7 @@ class Rewinding:
             kept, old = Kept(self.positions(worn), poses.copy()), self._records[name]
             old.openings.begin(kept.x, poses)
             self._records[name] = _Record(
-                deque(maxlen=_KEPT), old.openings, old.riding_up, first=kept
+                deque(maxlen=_KEPT), old.openings, old.riding_up, old.skin, first=kept
             )
 
     def look(
@@ -167,12 +169,14 @@ class Rewinding:
         broken = []
         for name, record in self._records.items():
             record.cores = self._through(name, posed[name], poses)
-            turned_over = self._is_upside_down(name, posed[name], poses)
-            record.upright = 0 if turned_over else record.upright + 1
+            T = self._worn[name].frames.world(poses)
+            hung = record.riding_up.look(posed[name], T, self._gravity)
+            record.upright = 0 if hung.upside_down else record.upright + 1
             record.is_off = record.upright > _FALLS and record.openings.lost(posed[name], poses)
-            rode_up = record.upright > _FALLS and self._rode_up(name, posed[name], poses)
+            rode_up = record.upright > _FALLS and hung.rode_up
             record.up = record.up + 1 if rode_up else 0
-            record.is_calm = self._is_calm(name, poses)
+            moved = record.skin.at(T - self._worn[name].frames.world(self._at))
+            record.is_calm = float(np.linalg.norm(moved, axis=1).max()) < _CALM * _PERIOD
             if record.up:
                 record.calm = record.calm + 1 if record.is_calm else 0
             if record.cores or record.is_off:
@@ -252,7 +256,7 @@ class Rewinding:
     def skin_velocity(self, worn: Worn) -> SingleArray:
         """How fast a garment would move as skin [m/s], in the order of its model, shape [n, 3]."""
         then, now = worn.frames.world(self._then), worn.frames.world(self._at)
-        v = blend(worn.garment, now - then) / _PERIOD
+        v = self._records[worn.garment.name].skin.at(now - then) / _PERIOD
         return v[worn.model.vertex].astype(np.float32)
 
     def part(self, name: str, x: SingleArray, good: SingleArray) -> NDArray[np.float64]:
@@ -285,16 +289,7 @@ class Rewinding:
 
     def _rode_up(self, name: str, x: SingleArray, poses: ColliderPoses) -> bool:
         T = self._worn[name].frames.world(poses)
-        return self._records[name].riding_up.rode_up(x, T, self._gravity)
-
-    def _is_upside_down(self, name: str, x: SingleArray, poses: ColliderPoses) -> bool:
-        T = self._worn[name].frames.world(poses)
-        return self._records[name].riding_up.is_upside_down(x, T, self._gravity)
-
-    def _is_calm(self, name: str, poses: ColliderPoses) -> bool:
-        frames = self._worn[name].frames
-        moved = blend(self._worn[name].garment, frames.world(poses) - frames.world(self._at))
-        return float(np.linalg.norm(moved, axis=1).max()) < _CALM * _PERIOD
+        return self._records[name].riding_up.look(x, T, self._gravity).rode_up
 
     def _find(self, posed: Mapping[str, SingleArray], poses: ColliderPoses) -> None:
         self._limbs.add(poses, {n: (x, self._triangles[n]) for n, x in posed.items()})

@@ -13,7 +13,7 @@ from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.topology import boundary_loops
 from garment_sim_ros.jit import exact_kernel
-from garment_sim_ros.sim.placement import GarmentLike, blend
+from garment_sim_ros.sim.placement import GarmentLike, Skin
 
 _SHORTEST = 0.25
 """Hems nearer than this to what holds their garment are left alone: cuffs of short sleeves [m]."""
@@ -21,6 +21,19 @@ _RODE_UP = 0.5
 """A hem rode up where it is nearer to what holds it than this part of what it would be as skin."""
 _BELOW = 0.5
 """As skin it would hang by this part of that distance below; else gravity is no help."""
+
+
+class Hung(NamedTuple):
+    """How the hems of a garment hang.
+
+    Attributes:
+        rode_up: Whether one is where a person would pull it down again.
+        upside_down: Whether gravity turns the garment over: as skin a hem would be above what
+            holds it.
+    """
+
+    rode_up: bool
+    upside_down: bool
 
 
 class Hem(NamedTuple):
@@ -69,7 +82,6 @@ class RidingUp:
     """
 
     def __init__(self, garment: GarmentLike) -> None:
-        self._garment = garment
         soft = () if garment.soft is None else garment.soft.vertices
         held = np.union1d(np.asarray(garment.pins), soft).astype(np.int32)
         self.hems: list[Hem] = []
@@ -88,38 +100,26 @@ class RidingUp:
         self._held = np.concatenate([none, *(hem.held for hem in self.hems)])
         self._first = np.cumsum([0, *(len(hem.vertex) for hem in self.hems)], dtype=np.int32)
         self._sums = np.zeros((len(self.hems), 3))
+        self._skin = Skin(garment, np.concatenate([self._vertex, self._held]))
 
-    def rode_up(self, x: SingleArray, T_world_frame: FloatArray, gravity: FloatArray) -> bool:
-        """Whether a hem is where a person would pull it down again.
+    def look(self, x: SingleArray, T_world_frame: FloatArray, gravity: FloatArray) -> Hung:
+        """How the hems hang.
 
         Args:
             x: World positions of the vertices [m], shape [v, 3].
             T_world_frame: Transforms of the garment's frames, shape [b, 4, 4].
             gravity: Of the world [m/s^2], shape [3].
         """
-        length, now, below = self._sums_of(x, T_world_frame, gravity)
-        return bool(((below > _BELOW * length) & (now < _RODE_UP * length)).any())
-
-    def is_upside_down(
-        self, x: SingleArray, T_world_frame: FloatArray, gravity: FloatArray
-    ) -> bool:
-        """Whether gravity turns the garment over: as skin a hem would be above what holds it.
-
-        Arguments as those of `rode_up`.
-        """
-        return bool((self._sums_of(x, T_world_frame, gravity)[2] < 0.0).any())
-
-    def _sums_of(
-        self, x: SingleArray, T_world_frame: FloatArray, gravity: FloatArray
-    ) -> FloatArray:
-        """What `sums_over_hems` finds, shape [3, h]; zeros where nothing has weight."""
         strength = float(np.linalg.norm(gravity))
         if strength == 0.0:
-            self._sums[:] = 0.0
-            return self._sums.T
-        skin = blend(self._garment, T_world_frame, np.concatenate([self._vertex, self._held]))
+            return Hung(False, False)
+        skin = self._skin.at(T_world_frame)
         sums_over_hems(
             *(x, self._vertex, self._held, self._first),
             *(skin.reshape(2, -1, 3), gravity / strength, self._sums),
         )
-        return self._sums.T
+        length, now, below = self._sums.T
+        return Hung(
+            rode_up=bool(((below > _BELOW * length) & (now < _RODE_UP * length)).any()),
+            upside_down=bool((below < 0.0).any()),
+        )

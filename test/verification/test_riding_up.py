@@ -33,7 +33,7 @@ def rolled_up(x, share):
 def test_a_hem_nearer_than_half_way_rode_up(cloth, share, rode_up):
     garment = skirt(cloth)
     x = rolled_up(garment.vertices, share)
-    assert RidingUp(garment).rode_up(x, BONE, DOWN) is rode_up
+    assert RidingUp(garment).look(x, BONE, DOWN).rode_up is rode_up
 
 
 @pytest.mark.parametrize("gravity", [-DOWN, DOWN[[2, 0, 1]], 0.0 * DOWN])
@@ -41,7 +41,7 @@ def test_what_would_not_hang_there_did_not(cloth, gravity):
     """Upside down, lying, or without gravity."""
     garment = skirt(cloth)
     x = rolled_up(garment.vertices, 0.8)
-    assert not RidingUp(garment).rode_up(x, BONE, gravity)
+    assert not RidingUp(garment).look(x, BONE, gravity).rode_up
 
 
 def test_it_follows_the_body(cloth):
@@ -49,9 +49,9 @@ def test_it_follows_the_body(cloth):
     garment = skirt(cloth)
     over = np.diag([1.0, -1.0, -1.0, 1.0])[None]
     x = garment.vertices * [1.0, -1.0, -1.0]
-    assert not RidingUp(garment).rode_up(x, over, -DOWN)
+    assert not RidingUp(garment).look(x, over, -DOWN).rode_up
     rolled = rolled_up(garment.vertices, 0.8) * [1.0, -1.0, -1.0]
-    assert RidingUp(garment).rode_up(rolled, over, -DOWN)
+    assert RidingUp(garment).look(rolled, over, -DOWN).rode_up
 
 
 def test_what_gravity_turns_over_is_told(cloth):
@@ -59,9 +59,9 @@ def test_what_gravity_turns_over_is_told(cloth):
     over = np.diag([1.0, -1.0, -1.0, 1.0])[None]
     x = garment.vertices
     for T, gravity, told in [(BONE, DOWN, False), (BONE, -DOWN, True), (over, DOWN, True)]:
-        assert RidingUp(garment).is_upside_down(x, T, gravity) is told
-    assert not RidingUp(garment).is_upside_down(x, over, -DOWN)
-    assert not RidingUp(garment).is_upside_down(x, BONE, 0.0 * DOWN)
+        assert RidingUp(garment).look(x, T, gravity).upside_down is told
+    assert not RidingUp(garment).look(x, over, -DOWN).upside_down
+    assert not RidingUp(garment).look(x, BONE, 0.0 * DOWN).upside_down
 
 
 def test_a_body_upside_down_has_its_skirt_turned_over_not_off(cloth, monkeypatch):
@@ -88,9 +88,9 @@ def test_a_body_upside_down_has_its_skirt_turned_over_not_off(cloth, monkeypatch
 
 def test_short_sleeves_and_cloth_that_nothing_holds_have_no_such_hem(cloth):
     short = skirt(cloth, length=0.2)
-    assert not RidingUp(short).rode_up(rolled_up(short.vertices, 0.9), BONE, DOWN)
+    assert not RidingUp(short).look(rolled_up(short.vertices, 0.9), BONE, DOWN).rode_up
     loose = replace(skirt(cloth), pins=np.zeros(0, np.int32), pin_frame=np.zeros(0, np.int32))
-    assert not RidingUp(loose).rode_up(rolled_up(loose.vertices, 0.9), BONE, DOWN)
+    assert not RidingUp(loose).look(rolled_up(loose.vertices, 0.9), BONE, DOWN).rode_up
 
 
 def put_on(cloth, solver, **more):
