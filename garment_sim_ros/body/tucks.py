@@ -94,6 +94,9 @@ class Tucks:
             T_world_joint: Poses of the joints, changed in place, shape [n, 4, 4].
         """
         self.bend = 0.0
+        # The last one looks at all that the others do.
+        if not self._bends or self._bends[-1].is_clear(T_world_joint):
+            return
         for bend in self._bends:
             self.bend += bend.clear(T_world_joint, _MOST - self.bend)
 
@@ -166,9 +169,11 @@ class _Bend:
             T: Poses of the joints, changed in place, shape [n, 4, 4].
             most: How far it may [rad].
         """
-        if self._gaps(T, _ANGLES[:1])[0] >= 0.0:
+        if self.is_clear(T):
             return 0.0
-        least = self._gaps(T, _ANGLES)
+        axis = _axis(T, self._thighs)
+        turns = Rotation.from_rotvec(_ANGLES[:, None] * axis).as_matrix()
+        least = self._gaps(T, turns)
         clear = np.flatnonzero(least[1:] >= 0.0)
         if clear.size:
             k = int(clear[0]) + 1
@@ -177,7 +182,7 @@ class _Bend:
         else:
             bend = float(_ANGLES[-1])
         bend = min(bend, most)
-        R = Rotation.from_rotvec(-bend * _axis(T, self._thighs)).as_matrix()
+        R = Rotation.from_rotvec(-bend * axis).as_matrix()
         pivot = T[self._pivot, :3, 3].mean(axis=0)
         moved = T[self._moved]
         moved[:, :3, 3] = (moved[:, :3, 3] - pivot) @ R.T + pivot
@@ -185,17 +190,21 @@ class _Bend:
         T[self._moved] = moved
         return bend
 
-    def _gaps(self, T: FloatArray, angles: FloatArray) -> FloatArray:
-        """Least distance of the thighs from what bends back by angles [rad], [m], shape [a].
+    def is_clear(self, T: FloatArray) -> bool:
+        """Whether there is nothing to do with the joints in poses T, shape [n, 4, 4]."""
+        return bool(self._gaps(T, np.eye(3)[None])[0] >= 0.0)
 
-        The thighs are turned instead, the other way.
+    def _gaps(self, T: FloatArray, turns: FloatArray) -> FloatArray:
+        """Least distance of the thighs from what bends back [m], shape [a].
+
+        Args:
+            T: Poses of the joints, shape [n, 4, 4].
+            turns: Rotations of the thighs instead, the other way, shape [a, 3, 3].
         """
         pivot = T[self._pivot, :3, 3].mean(axis=0)
-        R = np.swapaxes(
-            Rotation.from_rotvec(angles[:, None] * _axis(T, self._thighs)).as_matrix(), 1, 2
-        )
+        R = np.swapaxes(turns, 1, 2)
         ways = self._ways @ T[self._hips, :3, :3].T
-        least = np.full(len(angles), np.inf)
+        least = np.full(len(turns), np.inf)
         for near in self._near:
             P = T[near.thigh]
             centre = np.einsum("mij,mj->mi", P[:, :3, :3], near.centre) + P[:, :3, 3] - pivot
