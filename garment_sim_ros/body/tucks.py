@@ -38,8 +38,9 @@ _NEAR_HIP = {0.3: 0.1, 0.4: 0.3, 0.5: 1.0 - _GIVES}
 """How much of the thigh's thickness stays out of the hips, at places from hip to knee."""
 _SLICE = 0.1
 """Half the length of the thigh that one sphere stands for, as a share of it."""
-_ASIDE = 1.0
-"""Room that a thigh has beside the body [m], none where it is turned up by 30 degrees and more."""
+_ASIDE = 15.0
+"""Room that a thigh has beside the body, in radii of its largest sphere; none where it is turned
+up by 30 degrees and more."""
 _ANGLES = np.radians(np.arange(0.0, 31.0, 3.0))
 _MOST = np.radians(60.0)
 """As far as all bends go together: a body that has more to clear would lean backwards."""
@@ -214,7 +215,8 @@ class _Bend:
             find_gaps(trunk, turned, pivot, near.radius, gaps)
             # Beside the body it bends past the thigh; behind it, as in a split, into it.
             ahead, up = ways @ _unit(centre + pivot - P[:, :3, 3]).T
-            gaps += _ASIDE * np.clip(1.0 - 2.0 * (ahead + np.maximum(up, 0.0)), 0.0, None)
+            room = np.clip(1.0 - 2.0 * (ahead + np.maximum(up, 0.0)), 0.0, None)
+            gaps += _ASIDE * near.radius.max(initial=0.0) * room
             least = np.minimum(least, gaps.min(axis=(0, 2)))
         return np.asarray(least)
 

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.body.kinematics import rest_transforms, world_from_local
 from garment_sim_ros.body.loaders.load import load_body
-from garment_sim_ros.body.rig import Rig
 from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.colliders.capsules.capsules import fit_capsules
 from garment_sim_ros.colliders.posing import ColliderPoser
@@ -24,6 +23,7 @@ from garment_sim_ros.geometry.topology import (
     vertex_normals,
 )
 from garment_sim_ros.geometry.transforms import invert_transform, transform_from
+from test.bodies import scaled
 
 MAKERS = {"short_skirt": short_skirt, "long_skirt": long_skirt, "tshirt": tshirt}
 
@@ -216,23 +216,6 @@ def test_frames_and_weights(name):
         assert not arms & set(garment.frames)
         assert arms <= set(garment.passed_by)
     assert body().humanoid["head"] in garment.passed_by
-
-
-def scaled(wearer, factor):
-    T = wearer.rig.T_parent_joint.copy()
-    inverse = wearer.skin.T_bone_bind.copy()
-    T[:, :3, 3] *= factor
-    inverse[:, :3, 3] *= factor
-    rig = Rig(
-        joint_names=wearer.rig.joint_names,
-        parent=wearer.rig.parent,
-        T_parent_joint=T,
-        dofs=wearer.rig.dofs,
-    )
-    skin = dataclasses.replace(
-        wearer.skin, vertices=factor * wearer.skin.vertices, T_bone_bind=inverse
-    )
-    return dataclasses.replace(wearer, rig=rig, skin=skin)
 
 
 @pytest.mark.parametrize("name", MAKERS)

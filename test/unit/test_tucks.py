@@ -16,6 +16,7 @@ from garment_sim_ros.body.tucks import Tucks
 from garment_sim_ros.mocap.clip_poses import retargeter
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import ClipSampler
+from test.bodies import scaled
 
 TRUNK = ("spine", "chest", "upperChest")
 SIDES = ("left", "right")
@@ -137,6 +138,18 @@ def test_thighs_behind_the_body_are_left_alone(body, degrees):
     before = T.copy()
     tucks.clear(T)
     assert (before == T).all()
+
+
+@pytest.mark.parametrize("factor", [0.05, 1e3])
+def test_it_is_the_same_at_any_size(body, factor):
+    large = scaled(body, factor)
+    for degrees in (DEEP[body.name], -110.0):
+        bends = []
+        for one in (body, large):
+            tucks = Tucks(one)
+            tucks.clear(tucked(one, degrees))
+            bends.append(tucks.bend)
+        assert bends[0] == pytest.approx(bends[1], abs=1e-6)
 
 
 def test_a_body_bends_by_60_degrees_at_most(body):
