@@ -31,7 +31,7 @@ from garment_sim_ros.body.skin import Body
 _TRUNK = ("spine", "chest", "upperChest")
 _GIVES = 0.35
 """Depth of a thigh in the trunk up to which cloth is at rest between them, as a share of its
-thickness: 2.5 cm of a slim one."""
+thickness: 3 cm of a slim one."""
 _ALONG_THIGH = np.array([0.5, 0.6, 0.7, 0.85, 1.0])
 """Where its spheres are, from hip to knee: nearer to the hip it is in the trunk in any pose."""
 _NEAR_HIP = {0.3: 0.1, 0.4: 0.3, 0.5: 1.0 - _GIVES}
