@@ -199,7 +199,7 @@ def places_in_frames(
     return np.einsum("pij,pj->pi", T[:, :3, :3], x) + T[:, :3, 3]
 
 
-class Skin:
+class Carried:
     """Vertices of a garment that are carried by its frames like skin, blended linearly.
 
     Args:
@@ -232,5 +232,5 @@ class Skin:
 def blend(
     garment: GarmentLike, T_world_frame: FloatArray, of: IntArray | slice = slice(None)
 ) -> FloatArray:
-    """Vertices of a garment as skin, once; see `Skin`."""
-    return Skin(garment, of).at(T_world_frame)
+    """Vertices of a garment as skin, once; see `Carried`."""
+    return Carried(garment, of).at(T_world_frame)

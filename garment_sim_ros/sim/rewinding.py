@@ -23,7 +23,7 @@ from garment_sim_ros.geometry.locality import near_together
 from garment_sim_ros.sim.joint_links import JointLinks
 from garment_sim_ros.sim.motion import to_file_order
 from garment_sim_ros.sim.openings import Openings
-from garment_sim_ros.sim.placement import Skin
+from garment_sim_ros.sim.placement import Carried
 from garment_sim_ros.sim.riding_up import RidingUp
 from garment_sim_ros.sim.worn import Worn
 
@@ -73,7 +73,7 @@ class _Record:
     kept: deque[Kept]
     openings: Openings
     riding_up: RidingUp
-    skin: Skin
+    skin: Carried
     first: Kept | None = None
     count: int = 0
     is_off: bool = False
@@ -129,7 +129,7 @@ class Rewinding:
                 deque(maxlen=_KEPT),
                 Openings(colliders, T_world_rest, w.model.triangles),
                 RidingUp(w.garment),
-                Skin(w.garment),
+                Carried(w.garment),
             )
             for n, w in worn.items()
         }

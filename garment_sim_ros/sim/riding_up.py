@@ -13,7 +13,7 @@ from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.geometry.topology import boundary_loops
 from garment_sim_ros.jit import exact_kernel
-from garment_sim_ros.sim.placement import GarmentLike, Skin
+from garment_sim_ros.sim.placement import Carried, GarmentLike
 
 _SHORTEST = 0.25
 """Hems nearer than this to what holds their garment are left alone: cuffs of short sleeves [m]."""
@@ -100,7 +100,7 @@ class RidingUp:
         self._held = np.concatenate([none, *(hem.held for hem in self.hems)])
         self._first = np.cumsum([0, *(len(hem.vertex) for hem in self.hems)], dtype=np.int32)
         self._sums = np.zeros((len(self.hems), 3))
-        self._skin = Skin(garment, np.concatenate([self._vertex, self._held]))
+        self._skin = Carried(garment, np.concatenate([self._vertex, self._held]))
 
     def look(self, x: SingleArray, T_world_frame: FloatArray, gravity: FloatArray) -> Hung:
         """How the hems hang.
