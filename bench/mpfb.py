@@ -11,14 +11,14 @@ the world's axes.
 import argparse
 import gzip
 import json
-import struct
 from collections import defaultdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-FLOAT, SHORT, LONG = 5126, 5123, 5125
+from garment_sim_ros.glb_writer import INDICES, VERTICES, GlbWriter
+
 DECIMETRE = 0.1
 TALL = 0.6
 """How much of the shape of the tallest a tall body has."""
@@ -115,7 +115,7 @@ def axes(way: np.ndarray) -> np.ndarray:
     return np.stack([x, y, np.cross(x, y)], axis=1)
 
 
-def glb(folder: Path, base: Base, wanted: Wanted) -> bytes:
+def glb(folder: Path, base: Base, wanted: Wanted) -> GlbWriter:
     """The file of a body that stands on the ground, in metres."""
     x = shaped(folder, base, wanted)
     rig = json.loads((folder / "rigs" / "standard" / f"rig.{wanted.rig}.json").read_text())
@@ -154,14 +154,28 @@ def glb(folder: Path, base: Base, wanted: Wanted) -> bytes:
         for k in range(1, len(face) - 1)
     ]
     inverse = np.array([np.linalg.inv(T[name]).T for name in names])
-    arrays = [
-        (DECIMETRE * (x[used] - ground), np.float32, FLOAT, "VEC3"),
-        (np.ravel(triangles), np.uint32, LONG, "SCALAR"),
-        (joint, np.uint16, SHORT, "VEC4"),
-        (share / share.sum(axis=1, keepdims=True), np.float32, FLOAT, "VEC4"),
-        (inverse, np.float32, FLOAT, "MAT4"),
-    ]
-    return packed(arrays, nodes_of(names, bones, T), names)
+    file = GlbWriter()
+    attributes = {
+        "POSITION": file.accessor(
+            (DECIMETRE * (x[used] - ground)).astype(np.float32), target=VERTICES, bounds=True
+        ),
+        "JOINTS_0": file.accessor(joint.astype(np.uint16), target=VERTICES),
+        "WEIGHTS_0": file.accessor(
+            (share / share.sum(axis=1, keepdims=True)).astype(np.float32), target=VERTICES
+        ),
+    }
+    indices = file.accessor(np.ravel(triangles).astype(np.uint32), target=INDICES)
+    bind = file.accessor(inverse.astype(np.float32))
+    roots = [1 + k for k, name in enumerate(names) if not bones[name]["parent"]]
+    joints = list(range(1, 1 + len(names)))
+    file.json |= {
+        "scene": 0,
+        "scenes": [{"nodes": [0, *roots]}],
+        "nodes": nodes_of(names, bones, T),
+        "meshes": [{"primitives": [{"attributes": attributes, "indices": indices}]}],
+        "skins": [{"joints": joints, "inverseBindMatrices": bind}],
+    }
+    return file
 
 
 def nodes_of(names: list[str], bones: dict[str, Any], T: dict[str, np.ndarray]) -> list[dict]:
@@ -176,38 +190,6 @@ def nodes_of(names: list[str], bones: dict[str, Any], T: dict[str, np.ndarray]) 
     return nodes
 
 
-def packed(arrays: list[tuple], nodes: list[dict], names: list[str]) -> bytes:
-    """A GLB of positions, corners, joints, weights and inverse bind matrices."""
-    data, views, accessors = b"", [], []
-    for k, (values, kind, code, of) in enumerate(arrays):
-        raw = np.ascontiguousarray(values, kind)
-        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": raw.nbytes})
-        accessors.append({"bufferView": k, "componentType": code, "count": len(raw), "type": of})
-        data += raw.tobytes()
-    positions = np.asarray(arrays[0][0], np.float32)
-    accessors[0] |= {"min": positions.min(0).tolist(), "max": positions.max(0).tolist()}
-    below = {child for node in nodes for child in node.get("children", [])}
-    attributes = {"POSITION": 0, "JOINTS_0": 2, "WEIGHTS_0": 3}
-    joints = list(range(1, 1 + len(names)))
-    document = {
-        "asset": {"version": "2.0"},
-        "scenes": [{"nodes": [k for k in range(len(nodes)) if k not in below]}],
-        "scene": 0,
-        "nodes": nodes,
-        "meshes": [{"primitives": [{"attributes": attributes, "indices": 1}]}],
-        "skins": [{"joints": joints, "inverseBindMatrices": 4}],
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": len(data)}],
-    }
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    data += b"\0" * (-len(data) % 4)
-    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
-    chunks += struct.pack("<II", len(data), 0x004E4942) + data
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
-
-
 def main() -> None:
     """Writes the bodies."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
@@ -218,7 +200,7 @@ def main() -> None:
     base = read_base(options.folder)
     for name, wanted in BODIES.items():
         path = options.out / f"{name}.glb"
-        path.write_bytes(glb(options.folder, base, wanted))
+        glb(options.folder, base, wanted).write(path)
         print(path)
 
 
