@@ -3,9 +3,10 @@
     python bench/exercises.py FILE.bvh [--only NAME ...] [--speed S]
     python bench/worn.py --clip FILE.bvh --body mannequin:height=1.75 --pictures
 
-Arms raised, crossed, behind the back, on hips and head; a deep squat, both splits, a lunge, knees
-up, bending over, sitting, kneeling, on one knee bent over the other, and all fours. Every pose is
-reached in a second and held for half of one, with the stand between.
+Arms raised, crossed, behind the back, on hips and head; a deep squat, a crouch, both splits, a
+lunge, knees up, a heel to the seat, bending over, sitting, kneeling, on one knee bent over the
+other, and all fours. Every pose is reached in a second and held for half of one, with the stand
+between.
 """
 
 import argparse
@@ -55,6 +56,10 @@ POSES: dict[str, dict[str, tuple[float, float, float]]] = {
         **{"UpLeg": (-120, 0, 20), "Leg": (135, 0, 0), "Foot": (-25, 0, 0)},
         **{"Spine": (25, 0, 0), "Arm": (-80, 0, 0)},
     },
+    "crouch": {
+        **{"Hips": (10, 0, 0), "UpLeg": (-125, 0, 10), "Leg": (160, 0, 0), "Foot": (-35, 0, 0)},
+        **{"Spine": (15, 0, 0), "Arm": (-60, 0, 10)},
+    },
     "front_split": {
         **{"LeftUpLeg": (-80, 0, 0), "RightUpLeg": (75, 0, 0), "RightLeg": (15, 0, 0)},
         **{"Arm": (0, 0, 80)},
@@ -66,6 +71,7 @@ POSES: dict[str, dict[str, tuple[float, float, float]]] = {
     },
     "knee_up": {"LeftUpLeg": (-125, 0, 0), "LeftLeg": (130, 0, 0), "Arm": (-30, 0, 20)},
     "kick_back": {"RightUpLeg": (40, 0, 0), "RightLeg": (120, 0, 0), "Arm": (-30, 0, 20)},
+    "heel_to_seat": {"LeftUpLeg": (15, 0, 0), "LeftLeg": (160, 0, 0), "Arm": (-20, 0, 25)},
     "bend_over": {
         **{"Hips": (60, 0, 0), "UpLeg": (-60, 0, 3), "Spine": (35, 0, 0), "Chest": (25, 0, 0)},
         **{"Arm": (-100, 0, 0)},

@@ -22,12 +22,11 @@ where the node has it: poses in between are interpolated.
 import argparse
 import itertools
 import json
-import multiprocessing
 import os
 import tempfile
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -40,6 +39,7 @@ from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skinning import Skinner
+from garment_sim_ros.cli.processes import over_processes
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.pierced import PiercedMeter, PiercedSoFar
@@ -340,6 +340,14 @@ def table(rows: list[dict]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def row_of(asked: Asked) -> dict[str, object]:
+    """What came of a run; a run that cannot be made is a row, too."""
+    try:
+        return run(asked)
+    except Exception as error:
+        return {**dict(zip(KEY, asked.key())), "error": f"{type(error).__name__}: {error}"}
+
+
 def main() -> None:
     """Measures and prints."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
@@ -368,16 +376,8 @@ def main() -> None:
         for of in itertools.product(options.body, options.outfit, clips, options.variant)
     ]
     left = [a for a in asked if a.key() not in done]
-    # Fresh processes: kernels and threads do not survive a fork.
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(options.jobs, mp_context=spawn) as pool, file.open("a") as out:
-        running = {pool.submit(run, a): a for a in left}
-        for future in as_completed(running):
-            a = running[future]
-            try:
-                row = future.result()
-            except Exception as error:  # a run that cannot be made is a row, too
-                row = {**dict(zip(KEY, a.key())), "error": f"{type(error).__name__}: {error}"}
+    with file.open("a") as out, closing(over_processes(row_of, left, options.jobs)) as made:
+        for _, row in made:
             rows.append(row)
             out.write(json.dumps(row) + "\n")
             out.flush()

@@ -149,7 +149,9 @@ class _Avatar:
         True, "Turn arms about the shoulder out of hips, trunk and thighs that they are in."
     )
     clear_thighs: bool = parameter(
-        True, "Bend the body back where a thigh is deep in its belly or hips."
+        True,
+        "Bend the body back where a thigh is deep in its belly or hips, and open knees where a "
+        "calf is deep in its thigh.",
     )
     colliders: str = parameter(
         "", "Collider file, as written by `garment-sim fit`; empty: fitted at the start."

@@ -21,6 +21,7 @@ from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.anatomy import SIDES, leg_length
 from garment_sim_ros.body.feet_lock import hold, touch
 from garment_sim_ros.body.feet_pass import Soles, ground, missed, watch
+from garment_sim_ros.body.knees import open_knees
 from garment_sim_ros.body.leg_reach import FOOT, SHANK, THIGH, Legs
 from garment_sim_ros.body.skeleton import Skeleton
 from garment_sim_ros.body.skin import Body
@@ -164,6 +165,15 @@ class Feet:
             T_world_joint, self._legs, self._soles, self._touching, dt,
             self._sole_last, self._lock, self._off,
         )  # fmt: skip
+
+    def open_knees(self, T_world_joint: FloatArray) -> None:
+        """Open knees of the pose that was grounded last, see `body.knees`.
+
+        Args:
+            T_world_joint: The body's joints, changed in place, shape [n, 4, 4].
+        """
+        if len(self._legs.joints):
+            open_knees(T_world_joint, self._legs, self._soles, self._stands[:, 0])
 
     def _measure_leg(self, i: int, side: str, rest: Skeleton, body: Body) -> None:
         """Joints, lengths and knee of one of the body's legs."""

@@ -10,8 +10,8 @@ joint t and the frames F:
 
 Lengths stay the target's. The midpoint between the hip joints moves as the source's, scaled by the
 ratio of leg lengths, so that a foot on the ground stays on it, but for what the proportions
-differ; where the time is given, `body.feet` mends that, and `body.arms` arms in the trunk,
-`body.tucks` thighs in it.
+differ; where the time is given, `body.feet` mends that, `body.knees` calves in thighs,
+`body.arms` arms in the trunk, and `body.tucks` thighs in it.
 
 Joints of a rig with one-degree-of-freedom chains (URDF) are turned freely, not within their axes
 and limits: the last link of a ball joint gets the whole rotation, links between follow their
@@ -182,7 +182,8 @@ class Retargeter:
                 where the angles put them.
             ground_feet: Whether feet that stand are put on the ground, see `body.feet`.
             clear_arms: Whether arms that are in the trunk are turned out of it, see `body.arms`.
-            clear_thighs: Whether the trunk is bent back off thighs in it, see `body.tucks`.
+            clear_thighs: Whether knees are opened where calves are in thighs, and the trunk is
+                bent back off thighs in it, see `body.knees` and `body.tucks`.
 
         Returns:
             `T_world_joint`, shape [n, 4, 4], overwritten by the next call.
@@ -197,6 +198,7 @@ class Retargeter:
         if time is not None and ground_feet:
             self.feet.ground(T_source, self._T_world_joint, time)
         if time is not None and clear_thighs:
+            self.feet.open_knees(self._T_world_joint)
             self.tucks.clear(self._T_world_joint)
         if time is not None and clear_arms:
             self.arms.clear(self._T_world_joint, time)

@@ -40,7 +40,7 @@ def over_processes(
     """
     # Not forked: a process with compiled code and threads cannot be copied safely.
     pool = ProcessPoolExecutor(
-        min(jobs, len(tasks)), mp_context=get_context("spawn"), initializer=_begin
+        max(1, min(jobs, len(tasks))), mp_context=get_context("spawn"), initializer=_begin
     )
     try:
         waiting = {pool.submit(_work, call, task): k for k, task in enumerate(tasks)}

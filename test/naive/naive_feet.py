@@ -61,6 +61,40 @@ def bend_leg(T, joints, part, hinge, goal):
     return T
 
 
+def open_knees(T, legs, soles, stands):
+    """See `knees.open_knees`; returns the new poses."""
+    T = T.copy()
+    places = T[legs.joints][:, :, :3, 3]
+    lengths, goals = [], []
+    for i, (hip, knee, ankle) in enumerate(places):
+        a, b, d = (np.linalg.norm(v) for v in (knee - hip, ankle - knee, ankle - hip))
+        bend = np.degrees(np.pi - np.arccos((a**2 + b**2 - d**2) / (2 * a * b)))
+        length, goal = 0.0, ankle.copy()
+        if bend > 135.0:
+            inner = np.pi - np.radians(135.0 + 5.0 * np.tanh((bend - 135.0) / 5.0))
+            length = np.sqrt(a**2 + b**2 - 2 * a * b * np.cos(inner))
+            points = range(soles.start[i], soles.start[i + 1])
+            height = min(point(T[soles.joint[p]], soles.offset[p])[2] for p in points)
+            away = (1.0 - stands[i]) * (length - d) * unit(ankle - hip)
+            goal += [*away[:2], max(away[2], -max(height, 0.0))]
+        lengths.append(length)
+        goals.append(goal)
+    if not any(lengths):
+        return T
+    start = T.copy()
+    for _ in range(4):
+        for i, (length, goal) in enumerate(zip(lengths, goals)):
+            way = T[legs.joints[i, 0], :3, 3] - goal
+            more = length / np.linalg.norm(way) - 1.0
+            if more > 1e-9:
+                T[:, :3, 3] += more * np.array([*way[:2], max(way[2], 0.0)])
+    moved = (start != T).any()
+    for i, goal in enumerate(goals):
+        if moved or lengths[i]:
+            T = bend_leg(T, legs.joints[i], legs.part[i], legs.hinge[i], goal)
+    return T
+
+
 def reachable(T, joints, reach, before, goal):
     """See `feet_pass.reachable`; returns the new goal."""
     away = goal - T[joints[0], :3, 3]

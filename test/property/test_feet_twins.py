@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.body.feet_lock import hold, touch
 from garment_sim_ros.body.feet_pass import ground, missed, watch
+from garment_sim_ros.body.knees import open_knees
 from garment_sim_ros.body.leg_reach import bend_leg
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.retargeting import Retargeter
@@ -53,6 +54,20 @@ def test_a_leg_is_bent_alike_and_reaches_its_goal(feet, seed):
         for j, k in itertools.pairwise(joints):
             bone = [np.linalg.norm(P[k, :3, 3] - P[j, :3, 3]) for P in (got, T)]
             assert bone[0] == pytest.approx(bone[1], abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_knees_are_opened_alike(feet, seed):
+    f, _, T, rng = poses_of(feet, seed)
+    for i, joints in enumerate(f._legs.joints):
+        hip, ankle = T[joints[0], :3, 3], T[joints[2], :3, 3]
+        goal = hip + rng.uniform(0.1, 0.6) * (ankle - hip) + rng.normal(scale=0.02, size=3)
+        T = naive_feet.bend_leg(T, joints, f._legs.part[i], f._legs.hinge[i], goal)
+    for stands in (rng.uniform(size=2), np.zeros(2), np.ones(2)):
+        got = T.copy()
+        open_knees(got, f._legs, f._soles, stands)
+        expected = naive_feet.open_knees(T, f._legs, f._soles, stands)
+        np.testing.assert_allclose(got, expected, atol=1e-8)
 
 
 @pytest.mark.parametrize("seed", range(8))
