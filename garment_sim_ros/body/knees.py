@@ -15,8 +15,6 @@ FREE = float(np.radians(135.0))
 """Bend of a knee up to which nothing is done [rad]."""
 MOST = float(np.radians(140.0))
 """Bend that a knee comes near to at most [rad]: as far as people bend their own."""
-_PASSES = 4
-"""How often each leg pushes the body off its foot: one leg's push may fold the other."""
 
 
 @kernel()
@@ -51,8 +49,8 @@ def open_knees(T, legs, soles, stands):
     if not folded:
         return
     moved = False
-    for k in range(_PASSES * f):
-        moved |= _push_off(T, T[legs.joints[k % f, 0]], goal[k % f], length[k % f])
+    for i in range(f):
+        moved |= _push_off(T, T[legs.joints[i, 0]], goal[i], length[i])
     for i in range(f):
         if moved or length[i] > 0.0:
             bend_leg(T, legs.joints[i], legs.part[i], legs.hinge[i], goal[i])

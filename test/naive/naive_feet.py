@@ -82,12 +82,11 @@ def open_knees(T, legs, soles, stands):
     if not any(lengths):
         return T
     start = T.copy()
-    for _ in range(4):
-        for i, (length, goal) in enumerate(zip(lengths, goals)):
-            way = T[legs.joints[i, 0], :3, 3] - goal
-            more = length / np.linalg.norm(way) - 1.0
-            if more > 1e-9:
-                T[:, :3, 3] += more * np.array([*way[:2], max(way[2], 0.0)])
+    for i, (length, goal) in enumerate(zip(lengths, goals)):
+        way = T[legs.joints[i, 0], :3, 3] - goal
+        more = length / np.linalg.norm(way) - 1.0
+        if more > 1e-9:
+            T[:, :3, 3] += more * np.array([*way[:2], max(way[2], 0.0)])
     moved = (start != T).any()
     for i, goal in enumerate(goals):
         if moved or lengths[i]:

@@ -29,10 +29,11 @@ def crouching(body, feet, knees, thighs=110.0):
     """The rest pose with thighs turned up and knees bent by so much [degrees], soles level."""
     T = rest_transforms(body.rig).copy()
     knees = knees - np.degrees(bends(T, feet))
+    thighs = np.broadcast_to(thighs, 2)
     hips = [T[body.rig.index(body.humanoid[f"{side}UpperLeg"]), :3, 3] for side in SIDES]
     axis = (hips[0] - hips[1]) / np.linalg.norm(hips[0] - hips[1])
-    for side, knee in zip(SIDES, knees):
-        turns = {"UpperLeg": -thighs, "LowerLeg": knee, "Foot": thighs - knee}
+    for side, knee, thigh in zip(SIDES, knees, thighs):
+        turns = {"UpperLeg": -thigh, "LowerLeg": knee, "Foot": thigh - knee}
         for bone, angle in turns.items():
             joint = body.rig.index(body.humanoid[side + bone])
             below = np.flatnonzero(body.rig.below(joint))
@@ -104,6 +105,22 @@ def test_feet_that_stand_stay_and_the_body_rises(body, feet):
     np.testing.assert_allclose(got[hips, :3, :3], T[hips, :3, :3], atol=1e-12)
 
 
+def test_feet_on_both_sides_of_the_body_do_not_push_it_to_and_fro(body, feet):
+    """One foot is ahead of the hips, one behind: what one pushes away it pushes to the other."""
+    T = crouching(body, feet, (165.0, 165.0), thighs=(170.0, 20.0))
+    behind, ahead = (x[2] - x[0] for x in legs(T, feet)[::-1])
+    assert ahead @ behind < 0.0
+    assert (bends(opened(T, feet, (1, 1)), feet) < MOST + np.radians(1.0)).all()
+
+
+@pytest.mark.parametrize("thighs", [170.0, 200.0, 230.0])
+def test_the_body_is_not_pushed_down(body, feet, thighs):
+    """Feet are over the hips of somebody who lies on the back."""
+    T = crouching(body, feet, (160.0, 160.0), thighs=thighs)
+    hips = body.rig.index(body.humanoid["hips"])
+    assert opened(T, feet, (1, 1))[hips, 2, 3] >= T[hips, 2, 3]
+
+
 def test_feet_in_the_air_go_away_from_a_body_that_stays(body, feet):
     T = crouching(body, feet, (158.0, 60.0), thighs=20.0)
     T[:, 2, 3] += 1.0
@@ -116,7 +133,7 @@ def test_feet_in_the_air_go_away_from_a_body_that_stays(body, feet):
 
 
 def test_it_comes_and_goes_smoothly(body, feet):
-    """From one degree to the next no joint goes farther than a leg of that turn."""
+    """From one degree to the next a joint is moved by 2 cm more or less at most."""
     before = None
     for bend in np.arange(100.0, 166.0):
         T = on_the_ground(crouching(body, feet, (bend, bend)), feet)
