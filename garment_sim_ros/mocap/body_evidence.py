@@ -15,6 +15,8 @@ _BENT = np.sin(np.radians(20.0))
 """Sine of the bend from which on an elbow or knee shows its axis."""
 _STANDING = 0.03
 """Share of an ankle's range of heights, at its bottom, in which its foot stands flat."""
+_ON_GROUND = (-0.04, 0.2)
+"""Heights of the lowest joint of a body on the ground, in leg lengths."""
 _MIN_SAMPLES = 5
 _AGREEMENT = np.cos(np.radians(20.0))
 
@@ -118,6 +120,16 @@ def _agreed(name: str, vectors: FloatArray) -> list[NamedVector]:
         return []
     x, y, z = total / np.linalg.norm(total)
     return [(name, (float(x), float(y), float(z)))]
+
+
+def on_ground(poses: list[Landmarks], up: FloatArray) -> float:
+    """Share of the poses whose lowest joint is as high over 0 as one on the ground is."""
+    low, high = _ON_GROUND
+    count = 0
+    for marks in poses:
+        lowest = min(float(x @ up) for x in marks.joint.values())
+        count += low <= lowest / (leg_length(marks) or 1.0) <= high
+    return count / len(poses)
 
 
 def standing_ankle_height(poses: list[Landmarks], up: FloatArray) -> float | None:

@@ -22,6 +22,7 @@ from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP
 from garment_sim_ros.mocap.body_evidence import (
     calmest,
     hinge_axes,
+    on_ground,
     sole_directions,
     standing_ankle_height,
     upward,
@@ -155,14 +156,22 @@ def _rotation_to_up(up: FloatArray) -> FloatArray:
 
 
 def _up_axis(zero: Landmarks, poses: list[Landmarks]) -> FloatArray | None:
-    """The axis along which people are upright most of the time."""
+    """The axis along which people are upright most of the time.
+
+    Somebody who lies or tumbles is not. The zero pose, if it is one, then knows better, and where
+    the two differ the ground tells: what is lowest is on it most of the time.
+    """
     directions = [d for d in map(upward, poses) if d is not None]
-    mean = np.mean(directions, axis=0) if directions else np.zeros(3)
-    if np.abs(mean).max() < 0.7:  # lying, tumbling: then the zero pose, if it is one, knows better
-        rest = upward(zero)
-        if rest is not None and stands(zero, _nearest_axis(rest)):
-            return _nearest_axis(rest)
-    return _nearest_axis(mean) if directions else None
+    if not directions:
+        return None
+    mean = np.mean(directions, axis=0)
+    most = _nearest_axis(mean)
+    rest = upward(zero)
+    if rest is None or not stands(zero, _nearest_axis(rest)):
+        return most
+    rest = _nearest_axis(rest)
+    lies = on_ground(poses, rest) > 0.5 > on_ground(poses, most)
+    return rest if lies or np.abs(mean).max() < 0.7 else most
 
 
 def _forward_axis(marks: Landmarks, up: FloatArray) -> FloatArray | None:

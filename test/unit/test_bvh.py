@@ -10,81 +10,7 @@ from scipy.spatial.transform import Rotation
 from garment_sim_ros.body.kinematics import ForwardKinematics
 from garment_sim_ros.errors import InputFileError, ParameterError
 from garment_sim_ros.mocap.bvh import load_bvh
-
-# A standing person in metres, y up, facing +z: name, parent, offset.
-FIGURE = (
-    ("Hips", None, (0.0, 0.0, 0.0)),
-    ("Spine", "Hips", (0.0, 0.25, 0.0)),
-    ("Neck", "Spine", (0.0, 0.30, 0.0)),
-    ("Head", "Neck", (0.0, 0.10, 0.0)),
-    ("LeftArm", "Spine", (0.18, 0.25, 0.0)),
-    ("LeftForeArm", "LeftArm", (0.28, 0.0, 0.0)),
-    ("LeftHand", "LeftForeArm", (0.25, 0.0, 0.0)),
-    ("RightArm", "Spine", (-0.18, 0.25, 0.0)),
-    ("RightForeArm", "RightArm", (-0.28, 0.0, 0.0)),
-    ("RightHand", "RightForeArm", (-0.25, 0.0, 0.0)),
-    ("LeftUpLeg", "Hips", (0.09, 0.0, 0.0)),
-    ("LeftLeg", "LeftUpLeg", (0.0, -0.42, 0.0)),
-    ("LeftFoot", "LeftLeg", (0.0, -0.42, 0.0)),
-    ("RightUpLeg", "Hips", (-0.09, 0.0, 0.0)),
-    ("RightLeg", "RightUpLeg", (0.0, -0.42, 0.0)),
-    ("RightFoot", "RightLeg", (0.0, -0.42, 0.0)),
-)
-ENDS = {
-    "Head": (0.0, 0.2, 0.0),
-    "LeftHand": (0.15, 0.0, 0.0),
-    "RightHand": (-0.15, 0.0, 0.0),
-    "LeftFoot": (0.0, -0.07, 0.15),
-    "RightFoot": (0.0, -0.07, 0.15),
-}
-POSITIONS = "Xposition Yposition Zposition"
-
-
-def _bvh(
-    frames,
-    *,
-    joints=FIGURE,
-    ends=ENDS,
-    turn=None,
-    unit=1.0,
-    order="ZXY",
-    root=None,
-    newline="\n",
-    frame_time="0.01",
-):
-    """BVH text; `frames` has one row of numbers per frame, `turn` turns the offsets."""
-    turn = np.eye(3) if turn is None else turn
-    lines = ["HIERARCHY"]
-    rotations = " ".join(f"{axis}rotation" for axis in order)
-
-    def offset(v):
-        return "OFFSET " + " ".join(f"{x:.9g}" for x in turn @ np.array(v) / unit)
-
-    def add(name, above, v):
-        lines.append(f"{'JOINT' if above else 'ROOT'} {name}")
-        lines.extend(("{", offset(v)))
-        channels = rotations if above else (root or f"{POSITIONS} {rotations}")
-        lines.append(f"CHANNELS {len(channels.split())} {channels}")
-        for child in joints:
-            if child[1] == name:
-                add(*child)
-        if name in ends:
-            lines.extend(("End Site", "{", offset(ends[name]), "}"))
-        lines.append("}")
-
-    add(*joints[0])
-    lines += ["MOTION", f"Frames: {len(frames)}", f"Frame Time: {frame_time}"]
-    lines += [" ".join(f"{x:.9g}" for x in row) for row in frames]
-    return newline.join(lines) + newline
-
-
-def _rows(count, *, height=0.91, unit=1.0, turn=None):
-    """Frames of the figure standing, nodding a little with every joint."""
-    turn = np.eye(3) if turn is None else turn
-    rows = np.zeros((count, 3 + 3 * len(FIGURE)))
-    rows[:, :3] = turn @ np.array([0.0, height, 0.0]) / unit
-    rows[:, 3:] = 2.0 * np.sin(0.1 * np.arange(count))[:, None]
-    return rows
+from test.bvh_figure import FIGURE, POSITIONS, bvh_text, standing_rows
 
 
 @pytest.fixture
@@ -103,7 +29,7 @@ def _world(clip, q):
 
 
 def test_metres_y_up(load):
-    clip = load(_bvh(_rows(20)))
+    clip = load(bvh_text(standing_rows(20)))
     assert clip.rig.dofs.names[:6] == (
         *("Hips_Xposition", "Hips_Yposition", "Hips_Zposition"),
         *("Hips_Zrotation", "Hips_Xrotation", "Hips_Yrotation"),
@@ -118,24 +44,6 @@ def test_metres_y_up(load):
     assert any("metre" in note for note in clip.notes)
 
 
-@pytest.mark.parametrize("up", range(3))
-@pytest.mark.parametrize("up_sign", [1, -1])
-@pytest.mark.parametrize("facing", range(4))
-def test_any_axis_up_and_any_facing(load, up, up_sign, facing):
-    to_up = np.zeros((3, 3))  # rows: where the figure's x, y, z point in the file
-    to_up[1, up] = up_sign
-    to_up[2, (up + 1) % 3] = 1.0
-    to_up[0] = np.cross(to_up[1], to_up[2])
-    turn = to_up.T @ Rotation.from_euler("y", 90 * facing, degrees=True).as_matrix()
-    rows = _rows(10, turn=turn)
-    clip = load(_bvh(rows, turn=turn))
-    world = _world(clip, np.where(clip.rig.dofs.kind == 0, 0.0, clip.values[0]))
-    assert world["Head"][2, 3] - world["LeftFoot"][2, 3] == pytest.approx(1.49)
-    np.testing.assert_allclose(
-        world["LeftArm"][:3, 3] - world["RightArm"][:3, 3], [0.0, 0.36, 0.0], atol=1e-9
-    )
-
-
 @pytest.mark.parametrize(
     ("metres", "name"),
     [
@@ -144,30 +52,30 @@ def test_any_axis_up_and_any_facing(load, up, up_sign, facing):
     ],
 )
 def test_unit_from_the_height(load, metres, name):
-    clip = load(_bvh(_rows(10, unit=metres), unit=metres))
+    clip = load(bvh_text(standing_rows(10, unit=metres), unit=metres))
     assert any(name in note for note in clip.notes), clip.notes
     assert clip.values[0, 1] == pytest.approx(0.91)
     assert clip.ankle_height == pytest.approx(0.07, abs=2e-3)
 
 
 def test_a_child_in_inches(load):
-    clip = load(_bvh(_rows(10, unit=0.04), unit=0.04))  # 42 units high
+    clip = load(bvh_text(standing_rows(10, unit=0.04), unit=0.04))  # 42 units high
     assert any("inch" in note for note in clip.notes), clip.notes
 
 
 def test_unit_on_request(load):
-    clip = load(_bvh(_rows(4)), metres_per_unit=2.0)
+    clip = load(bvh_text(standing_rows(4)), metres_per_unit=2.0)
     assert clip.values[0, 1] == pytest.approx(1.82)
     with pytest.raises(ParameterError, match="metres_per_unit"):
-        load(_bvh(_rows(4)), metres_per_unit=-1.0)
+        load(bvh_text(standing_rows(4)), metres_per_unit=-1.0)
 
 
 @pytest.mark.parametrize("order", ["".join(p) for p in itertools.permutations("XYZ")])
 def test_channel_orders_and_line_ends(load, order):
     rng = np.random.default_rng(3)
-    rows = _rows(6)
+    rows = standing_rows(6)
     rows[:, 3:] = rng.uniform(-20, 20, (6, rows.shape[1] - 3))
-    clip = load(_bvh(rows, order=order, newline="\r\n"))
+    clip = load(bvh_text(rows, order=order, newline="\r\n"))
     world = _world(clip, clip.values[3])
     expected = np.eye(4)
     for name, column in (("Hips", 3), ("Spine", 6), ("Neck", 9)):
@@ -182,26 +90,26 @@ def test_channel_orders_and_line_ends(load, order):
 
 
 def test_positions_after_rotations_still_move_first(load):
-    rows = _rows(4)
+    rows = standing_rows(4)
     mixed = rows.copy()
     mixed[:, :6] = rows[:, [3, 0, 4, 1, 5, 2]]
-    text = _bvh(mixed, root="Zrotation Xposition Xrotation Yposition Yrotation Zposition")
-    np.testing.assert_allclose(load(text).values, load(_bvh(rows)).values)
+    text = bvh_text(mixed, root="Zrotation Xposition Xrotation Yposition Yrotation Zposition")
+    np.testing.assert_allclose(load(text).values, load(bvh_text(rows)).values)
 
 
 def test_positions_that_replace_the_offset(load):
     joints = (("Hips", None, (0.0, 0.94, 0.0)), *FIGURE[1:])
-    rows = _rows(10)
-    clip = load(_bvh(rows, joints=joints))
+    rows = standing_rows(10)
+    clip = load(bvh_text(rows, joints=joints))
     assert any("replace" in note for note in clip.notes)
     assert _world(clip, clip.values[0])["Hips"][2, 3] == pytest.approx(0.91)
     rows[:, 1] = 0.01  # a small way from the offset instead
-    clip = load(_bvh(rows, joints=joints))
+    clip = load(bvh_text(rows, joints=joints))
     assert _world(clip, clip.values[0])["Hips"][2, 3] == pytest.approx(0.95)
 
 
 def test_positions_of_a_joint_below_the_root(load):
-    text = _bvh(np.zeros((1, 1)), joints=FIGURE[:2], ends={}, order="ZXY")
+    text = bvh_text(np.zeros((1, 1)), joints=FIGURE[:2], ends={}, order="ZXY")
     head = text.replace("CHANNELS 3 Z", f"CHANNELS 6 {POSITIONS} Z").split("Frames")[0]
     added = np.zeros((5, 12))
     added[:, 1] = 0.9
@@ -249,7 +157,7 @@ def test_rest_pose_with_all_bones_along_one_axis(load):
         world[name] = R
         local = Rotation.from_matrix(world[above].T @ R).as_euler("ZXY", degrees=True)
         rows[:, column[name] : column[name] + 3] = local
-    clip = load(_bvh(rows, joints=flat, ends={}))
+    clip = load(bvh_text(rows, joints=flat, ends={}))
     assert clip.reference is not None
     assert any("reference" in note for note in clip.notes)
     placed = _world(clip, clip.values[0])
@@ -265,16 +173,16 @@ def _depth_first(name):
 
 
 def test_inserted_t_pose_is_skipped_where_the_motion_jumps_away(load):
-    rows = _rows(40)
+    rows = standing_rows(40)
     column = {name: 3 + 3 * i for i, name in enumerate(_depth_first("Hips"))}
     rows[:, column["LeftArm"]] += -70.0  # the arms hang, but in frame 1
     rows[:, column["RightArm"]] += 70.0
     rows[0, 3:] = 0.0
-    text = _bvh(rows)
+    text = bvh_text(rows)
     assert len(load(text).values) == 39
     assert any("Skipped 1" in note for note in load(text).notes)
     assert len(load(text, skip_t_pose="off").values) == 40
-    smooth = _bvh(rows[1:])
+    smooth = bvh_text(rows[1:])
     assert len(load(smooth).values) == 39
     assert len(load(smooth, skip_t_pose="on").values) == 38
     with pytest.raises(ParameterError, match="skip_t_pose"):
@@ -282,51 +190,53 @@ def test_inserted_t_pose_is_skipped_where_the_motion_jumps_away(load):
 
 
 def test_a_fast_start_is_not_an_inserted_pose(load):
-    rows = _rows(40)
+    rows = standing_rows(40)
     rows[:, 12:] = 60.0 * np.sin(1.5 * np.arange(40))[:, None]  # jumps of 60 degrees everywhere
-    assert len(load(_bvh(rows)).values) == 40
+    assert len(load(bvh_text(rows)).values) == 40
 
 
 def test_one_frame_is_a_still(load):
-    clip = load(_bvh(_rows(1)))
+    clip = load(bvh_text(standing_rows(1)))
     assert len(clip.times) == 1
     assert clip.duration == 0.0
     assert not clip.loops
 
 
 def test_frame_time_zero_is_replaced_and_said(load):
-    clip = load(_bvh(_rows(3), frame_time="0"))
+    clip = load(bvh_text(standing_rows(3), frame_time="0"))
     assert clip.times[1] == pytest.approx(1 / 30)
     assert any("Frame Time" in note for note in clip.notes)
 
 
 def test_a_closed_clip_loops(load):
-    rows = _rows(50)
-    assert not load(_bvh(rows)).loops
+    rows = standing_rows(50)
+    assert not load(bvh_text(rows)).loops
     rows[-1] = rows[0]
-    assert load(_bvh(rows)).loops
+    assert load(bvh_text(rows)).loops
 
 
 def test_unknown_names_are_loaded_and_said(load):
     joints = (("a", None, (0, 0, 0)), ("b", "a", (0, 1.0, 0)))
-    clip = load(_bvh(np.zeros((2, 9)), joints=joints, ends={}))
+    clip = load(bvh_text(np.zeros((2, 9)), joints=joints, ends={}))
     assert any("No joint name is known" in note for note in clip.notes)
 
 
 def test_repeated_and_odd_names(load):
     joints = (("Hips", None, (0, 0, 0)), ("x", "Hips", (0, 1.0, 0)), ("x y", "Hips", (0, 1, 0)))
     text = (
-        _bvh(np.zeros((2, 12)), joints=joints, ends={}).replace("x y", "x").replace("x\n", "x\n")
+        bvh_text(np.zeros((2, 12)), joints=joints, ends={})
+        .replace("x y", "x")
+        .replace("x\n", "x\n")
     )
     assert load(text).rig.joint_names == ("Hips", "x", "x__2")
 
 
 def test_more_numbers_than_declared_are_left_out(load):
-    text = _bvh(_rows(5)).replace("Frames: 5", "Frames: 3")
+    text = bvh_text(standing_rows(5)).replace("Frames: 5", "Frames: 3")
     assert len(load(text).values) == 3
 
 
-GOOD = _bvh(_rows(3))
+GOOD = bvh_text(standing_rows(3))
 BAD = {
     "empty": b"",
     "blank": b" \n\n",
@@ -337,7 +247,7 @@ BAD = {
     "cut in the hierarchy": GOOD[: len(GOOD) // 4],
     "cut in the numbers": GOOD[: -len(GOOD) // 6],
     "cut in the last frame": GOOD.rstrip().rpartition(" ")[0],
-    "no frames": _bvh(np.zeros((0, 51))),
+    "no frames": bvh_text(np.zeros((0, 51))),
     "negative frames": GOOD.replace("Frames: 3", "Frames: -3"),
     "huge frames": GOOD.replace("Frames: 3", "Frames: 99999999999999"),
     "many digits": GOOD.replace("Frames: 3", "Frames: " + "9" * 900),
@@ -345,9 +255,9 @@ BAD = {
     "no frame time": GOOD.replace("Frame Time: 0.01", ""),
     "frame time nan": GOOD.replace("Frame Time: 0.01", "Frame Time: nan"),
     "frame time negative": GOOD.replace("Frame Time: 0.01", "Frame Time: -1"),
-    "nan": _bvh([*_rows(2), np.full(51, np.nan)]),
-    "inf": _bvh([*_rows(2), np.full(51, np.inf)]),
-    "enormous": _bvh([*_rows(2), np.full(51, 1e300)]),
+    "nan": bvh_text([*standing_rows(2), np.full(51, np.nan)]),
+    "inf": bvh_text([*standing_rows(2), np.full(51, np.inf)]),
+    "enormous": bvh_text([*standing_rows(2), np.full(51, 1e300)]),
     "a word among numbers": GOOD.replace("0.91 0", "0.91 abc", 1),
     "one long word": GOOD[:-4] + "1" * 9_000_000,
     "unbalanced": GOOD.replace("}\nMOTION", "MOTION"),
@@ -384,5 +294,5 @@ def test_missing_file_and_folder(tmp_path):
 
 def test_zero_length_bones_are_harmless(load):
     joints = tuple((n, a, (0.0, 0.0, 0.0)) for n, a, _ in FIGURE)
-    clip = load(_bvh(_rows(3), joints=joints, ends={}))
+    clip = load(bvh_text(standing_rows(3), joints=joints, ends={}))
     assert np.isfinite(clip.values).all()
