@@ -5,7 +5,7 @@
 
 Arms raised, crossed, behind the back, on hips and head; a deep squat, a crouch, both splits, a
 lunge, knees up, a heel to the seat, bending over, sitting, kneeling, on one knee bent over the
-other, and all fours. Every pose is reached in a second and held for half of one, with the stand
+other, and all fours; a press-up, lying on back, face and side, and on the shoulders. Every pose is reached in a second and held for half of one, with the stand
 between.
 """
 
@@ -17,7 +17,10 @@ from scipy.spatial.transform import Rotation
 
 RATE = 30.0
 GO, STAY = 1.0, 0.5
-FLOOR = {"LeftFoot": 0.09, "RightFoot": 0.09, "LeftLeg": 0.06, "RightLeg": 0.06, "Hips": 0.12}
+FLOOR = {
+    **{"LeftFoot": 0.09, "RightFoot": 0.09, "LeftLeg": 0.06, "RightLeg": 0.06, "Hips": 0.12},
+    **{"Neck": 0.09, "Head": 0.1, "LeftArm": 0.06, "RightArm": 0.06},
+}
 """How far joints keep from the floor [m]; the lowest one stands on it."""
 JOINTS: dict[str, tuple[str | None, tuple[float, float, float]]] = {
     "Hips": (None, (0.0, 0.0, 0.0)),
@@ -90,6 +93,20 @@ POSES: dict[str, dict[str, tuple[float, float, float]]] = {
     "all_fours": {
         **{"Hips": (85, 0, 0), "UpLeg": (-85, 0, 4), "Leg": (85, 0, 0), "Arm": (-85, 0, 5)},
         **{"Foot": (60, 0, 0)},
+    },
+    "press_up": {"Hips": (68, 0, 0), "Arm": (-68, 0, 5)},
+    "on_back": {"Hips": (-90, 0, 0), "Foot": (30, 0, 0), "Arm": (0, 0, 35)},
+    "face_down": {
+        **{"Hips": (90, 0, 0), "Foot": (60, 0, 0), "Arm": (0, 0, 130)},
+        **{"ForeArm": (-70, 0, 0), "Neck": (0, 60, 0)},
+    },
+    "on_side": {
+        **{"Hips": (0, 0, 90), "UpLeg": (-50, 0, 0), "Leg": (70, 0, 0), "Foot": (30, 0, 0)},
+        **{"RightArm": (-150, 0, 0), "LeftArm": (-50, 0, 20)},
+    },
+    "shoulder_stand": {
+        **{"Hips": (-150, 0, 0), "UpLeg": (-60, 0, 0), "Leg": (40, 0, 0), "Neck": (75, 0, 0)},
+        **{"Arm": (45, 0, 25)},
     },
 }
 

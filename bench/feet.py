@@ -54,7 +54,7 @@ def measure(clip: Clip, body: Body, rate: float) -> dict[str, FloatArray]:
     kinematics, skinner = ForwardKinematics(clip.rig), Skinner(body.skin)
     sampler = ClipSampler(clip)
     main = body.skin.bone[np.arange(len(body.skin.bone)), body.skin.weight.argmax(axis=1)]
-    soles = [np.flatnonzero(part[main] == FOOT) for part in feet._legs.part]
+    soles = [np.flatnonzero(part[main] == FOOT) for part in feet.legs.part]
     points = []
     skins: dict[str, list[list[FloatArray]]] = {"before": [], "after": []}
     for t in times:

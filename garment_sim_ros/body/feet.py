@@ -50,6 +50,10 @@ class Feet:
     """Grounds the feet of a posed body; remembers where they were put down.
 
     Attributes:
+        legs: `leg_reach.Legs`.
+        soles: `feet_pass.Soles`.
+        stands: How much each foot stood last, was kept out of the ground, led the root, and
+            pointed, 0 to 1, shape [f, 4].
         slipped: How often a foot that touches the ground was let slip, by feet and poses.
 
     Args:
@@ -81,7 +85,7 @@ class Feet:
         ]
         n, f = len(body.rig), len(whole)
         self._scale = scale
-        self._legs = Legs(
+        self.legs = Legs(
             joints=np.zeros((f, 3), np.int32),
             part=np.full((f, n), -1, np.int8),
             hinge=np.zeros((f, 3)),
@@ -93,7 +97,7 @@ class Feet:
         self._standing, self._faded, self._weight, self._depth, self._place = np.zeros((5, f, 2))
         self._stretch = np.zeros((f, 2))
         self._before = np.zeros((f, 2, 3))
-        self._stands = np.zeros((f, 4))
+        self.stands = np.zeros((f, 4))
         self._limits = np.array([*_LIMITS, 0.0]) * (leg_length(source.marks) or 1.0)
         self._limits[5] = _FADING
         self._touch_limits = np.array(_TOUCHING) * (leg_length(source.marks) or 1.0)
@@ -108,11 +112,11 @@ class Feet:
         for i, side in enumerate(whole):
             self._measure_leg(i, side, rest, body)
             self._measure_foot(i, side, source, rest, ankle_height, end_sites)
-            joint, offset = _sole(body, rest, self._legs.part[i] == FOOT, self._legs.joints[i, 2])
+            joint, offset = _sole(body, rest, self.legs.part[i] == FOOT, self.legs.joints[i, 2])
             joints += joint
             offsets += offset
             starts.append(len(joints))
-        self._soles = Soles(
+        self.soles = Soles(
             np.array(joints, np.int32),
             np.array(offsets, np.float64).reshape(-1, 3),
             np.array(starts, np.int32),
@@ -131,7 +135,7 @@ class Feet:
             T_world_joint: The body's joints, changed in place, shape [n, 4, 4].
             time: Time of the pose [s]; earlier than the last one, or much later, begins anew.
         """
-        if not len(self._legs.joints):
+        if not len(self.legs.joints):
             return
         dt = -1.0
         if self._time is not None and 0.0 <= time - self._time < PAST:
@@ -143,8 +147,8 @@ class Feet:
             self._weight.reshape(-1), self._depth.reshape(-1),
         )  # fmt: skip
         missed(
-            T_source, T_world_joint, self._joint, self._offset, self._legs.joints[:, 2],
-            self._target_offset, self._legs.ahead, self._stretch, self._scale, self._weight,
+            T_source, T_world_joint, self._joint, self._offset, self.legs.joints[:, 2],
+            self._target_offset, self.legs.ahead, self._stretch, self._scale, self._weight,
             self._place,
         )  # fmt: skip
         touch(
@@ -154,15 +158,15 @@ class Feet:
         if dt < 0.0:
             self._off[:] = 0.0
         self._place += self._off
-        self._stands[:, 0] = 1.0 - (1.0 - self._weight[:, 0]) * (1.0 - self._weight[:, 1])
-        self._stands[:, 1] = self._depth[:, 0]
+        self.stands[:, 0] = 1.0 - (1.0 - self._weight[:, 0]) * (1.0 - self._weight[:, 1])
+        self.stands[:, 1] = self._depth[:, 0]
         # A foot that rolls off would pull the body down after its heel.
-        self._stands[:, 2] = 1.0 - (1.0 - self._weight[:, 0]) * (1.0 - _ROLLS * self._weight[:, 1])
+        self.stands[:, 2] = 1.0 - (1.0 - self._weight[:, 0]) * (1.0 - _ROLLS * self._weight[:, 1])
         fade = 1.0 if dt < 0.0 else 1.0 - np.exp(-dt / _POINTING)
-        self._stands[:, 3] += fade * (self._stands[:, 0] - self._stands[:, 3])
-        ground(T_world_joint, self._legs, self._soles, self._stands, self._place)
+        self.stands[:, 3] += fade * (self.stands[:, 0] - self.stands[:, 3])
+        ground(T_world_joint, self.legs, self.soles, self.stands, self._place)
         self.slipped += hold(
-            T_world_joint, self._legs, self._soles, self._touching, dt,
+            T_world_joint, self.legs, self.soles, self._touching, dt,
             self._sole_last, self._lock, self._off,
         )  # fmt: skip
 
@@ -172,20 +176,20 @@ class Feet:
         Args:
             T_world_joint: The body's joints, changed in place, shape [n, 4, 4].
         """
-        if len(self._legs.joints):
-            open_knees(T_world_joint, self._legs, self._soles, self._stands[:, 0])
+        if len(self.legs.joints):
+            open_knees(T_world_joint, self.legs, self.soles, self.stands[:, 0])
 
     def _measure_leg(self, i: int, side: str, rest: Skeleton, body: Body) -> None:
         """Joints, lengths and knee of one of the body's legs."""
         upper, lower, foot = (rest.bones[side + part] for part in _LEG)
-        self._legs.joints[i] = upper, lower, foot
+        self.legs.joints[i] = upper, lower, foot
         for j, parent in enumerate(body.rig.parent):
-            above = self._legs.part[i, parent] if parent >= 0 else -1
-            self._legs.part[i, j] = {upper: THIGH, lower: SHANK, foot: FOOT}.get(j, above)
-        hip, knee, ankle = rest.T_world_joint[self._legs.joints[i], :3, 3]
-        self._legs.reach[i] = np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee)
+            above = self.legs.part[i, parent] if parent >= 0 else -1
+            self.legs.part[i, j] = {upper: THIGH, lower: SHANK, foot: FOOT}.get(j, above)
+        hip, knee, ankle = rest.T_world_joint[self.legs.joints[i], :3, 3]
+        self.legs.reach[i] = np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee)
         # Across the thigh, to the left: knees bend backwards about it.
-        self._legs.hinge[i] = rest.rotation(upper).T @ rest.frames[f"{side}UpperLeg"][:, 1]
+        self.legs.hinge[i] = rest.rotation(upper).T @ rest.frames[f"{side}UpperLeg"][:, 1]
 
     def _measure_foot(
         self,
@@ -200,8 +204,8 @@ class Feet:
         ankle = source.bones[f"{side}Foot"]
         # From a foot's frame (forward, left, up as it stands flat) to its joint's.
         R_s = source.rotation(ankle).T @ source.frames[f"{side}Foot"]
-        R_t = rest.rotation(int(self._legs.joints[i, 2])).T @ rest.frames[f"{side}Foot"]
-        self._legs.ahead[i] = R_t[:, 0]
+        R_t = rest.rotation(int(self.legs.joints[i, 2])).T @ rest.frames[f"{side}Foot"]
+        self.legs.ahead[i] = R_t[:, 0]
         self._joint[i, 0] = ankle
         self._standing[i, 0] = ankle_height
         ball = source.bones.get(f"{side}Toes")
@@ -223,7 +227,7 @@ class Feet:
             self._target_offset[i, 1] = R_t @ flat * self._scale
             return
         foot = rest.marks.joint[f"{side}Foot"]
-        own = rest.rotation(int(self._legs.joints[i, 2])).T @ (toes - foot)
+        own = rest.rotation(int(self.legs.joints[i, 2])).T @ (toes - foot)
         self._target_offset[i, 1] = own
         self._stretch[i] = (R_t.T @ own - self._scale * flat)[:2]
 

@@ -21,11 +21,9 @@ parent. That shows what the person did even where the robot model could not do i
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.anatomy import (
-    SIDES,
     TRUNK,
     SourceReference,
     leg_length,
@@ -33,15 +31,17 @@ from garment_sim_ros.body.anatomy import (
     unit,
 )
 from garment_sim_ros.body.arms import Arms
+from garment_sim_ros.body.contact_points import contacts_of, forearm_ends
 from garment_sim_ros.body.feet import Feet
+from garment_sim_ros.body.hands import Hands
 from garment_sim_ros.body.humanoid import humanoid_map
 from garment_sim_ros.body.kinematics import ForwardKinematics, rest_transforms
+from garment_sim_ros.body.lying import Lying
 from garment_sim_ros.body.retarget_pass import (
     BLEND,
     DRIVEN,
     FOLLOW,
     TWIST,
-    Contacts,
     Turns,
     place_joints,
     turn_joints,
@@ -79,6 +79,8 @@ class Retargeter:
             blend between their neighbours.
         scale: Target leg length over source leg length.
         feet: What grounds the feet.
+        lying: What puts the body on the ground where it lies, sits or kneels.
+        hands: What keeps forearms and hands out of the ground.
         arms: What keeps arms out of the trunk.
         tucks: What keeps thighs out of it.
         notes: What was assumed, one sentence each.
@@ -109,7 +111,7 @@ class Retargeter:
             self._kinematics.from_dofs(q, self._T_world_source).copy(),
             reference,
         )
-        ends = SourceReference(end_sites=_forearm_ends(target))
+        ends = SourceReference(end_sites=forearm_ends(target))
         rest = Skeleton.compare(target.name, rig, target.humanoid, rest_transforms(rig), ends)
         n = len(rig)
         self._hips = rest.bones["hips"]
@@ -146,6 +148,8 @@ class Retargeter:
             ankle_height=ankle_height,
             end_sites=reference.end_sites,
         )
+        self.lying = Lying(source, rest, target, self.scale)
+        self.hands = Hands(source, rest, target, self.scale)
         self.arms = Arms(target)
         self.tucks = Tucks(target)
         driven = {rest.bones[t] for _, t in pairs}
@@ -197,11 +201,16 @@ class Retargeter:
         )  # fmt: skip
         if time is not None and ground_feet:
             self.feet.ground(T_source, self._T_world_joint, time)
+            self.lying.look(T_source, self._T_world_joint)
         if time is not None and clear_thighs:
             self.feet.open_knees(self._T_world_joint)
-            self.tucks.clear(self._T_world_joint)
+            self.tucks.clear(self._T_world_joint, self.lying.upper if ground_feet else 0.0)
+        if time is not None and ground_feet:
+            self.lying.rest(T_source, self._T_world_joint, self.feet)
         if time is not None and clear_arms:
             self.arms.clear(self._T_world_joint, time)
+        if time is not None and ground_feet:
+            self.hands.lift(T_source, self._T_world_joint)
         return self._T_world_joint
 
     def forget(self) -> None:
@@ -282,23 +291,8 @@ class Retargeter:
             if standing and not (source.rig.dofs.kind == TRANSLATION).any():
                 # A skeleton that stays where its root is says nothing about the ground but this.
                 source_height = float(min(standing))
-        joints, offsets, heights = [], [], []
-        for foot in _FEET:
-            if foot in source.bones and foot in rest.bones:
-                joints.append((source.bones[foot], rest.bones[foot]))
-                offsets.append(np.zeros((2, 3)))
-                heights.append((source_height, height))
-        for side in SIDES:
-            end_s = _arm_end(source, side, _skeleton_points(source, reference.end_sites))
-            end_t = _arm_end(rest, side, _skin_points(target))
-            if end_s is not None and end_t is not None:
-                joints.append((end_s[0], end_t[0]))
-                offsets.append(np.stack([end_s[1], end_t[1]]))
-                heights.append((0.0, 0.0))
-        self._contacts = Contacts(
-            joints=np.array(joints, np.int32).reshape(-1, 2),
-            offset=np.array(offsets, np.float64).reshape(-1, 2, 3),
-            height=np.array(heights, np.float64).reshape(-1, 2),
+        self._contacts = contacts_of(
+            source, rest, target, reference.end_sites, (source_height, height)
         )
         return source_height
 
@@ -323,63 +317,6 @@ def _pair_bones(source: Mapping[str, int], target: Mapping[str, int]) -> list[tu
         elif heads[1] == ["neck"] and "head" in heads[0]:
             pairs[-1] = ("head", "neck")
     return pairs
-
-
-def _skeleton_points(
-    skeleton: Skeleton, end_sites: Mapping[str, FloatArray]
-) -> tuple[FloatArray, NDArray[np.int32]]:
-    """World positions of joints and end sites, and the joint that moves each."""
-    T = skeleton.T_world_joint
-    index = {name: j for j, name in enumerate(skeleton.rig.joint_names)}
-    ended = [index[name] for name in end_sites if name in index]
-    ends = [
-        T[index[n], :3, :3] @ end_sites[n] + T[index[n], :3, 3] for n in end_sites if n in index
-    ]
-    points = np.concatenate([T[:, :3, 3], np.reshape(ends, (-1, 3))])
-    # A joint's own place is moved by its parent.
-    mover = np.concatenate([skeleton.rig.parent, np.array(ended, np.int32)])
-    return points, mover
-
-
-def _skin_points(body: Body) -> tuple[FloatArray, NDArray[np.int32]]:
-    """Vertices and the joint that moves each most."""
-    main = np.argmax(body.skin.weight, axis=1)
-    return body.skin.vertices, body.skin.bone[np.arange(len(main)), main]
-
-
-def _forearm_ends(body: Body) -> dict[str, FloatArray]:
-    """The middle of the skin, in the joint's frame, of forearms without a joint beyond them."""
-    vertices, mover = _skin_points(body)
-    T_world_joint = rest_transforms(body.rig)
-    ends = {}
-    for side in SIDES:
-        name = body.humanoid.get(f"{side}LowerArm")
-        if name is None:
-            continue
-        elbow = body.rig.index(name)
-        moved = vertices[mover == elbow]
-        if len(moved) and not (body.rig.parent == elbow).any():
-            T = T_world_joint[elbow]
-            ends[name] = T[:3, :3].T @ (moved.mean(axis=0) - T[:3, 3])
-    return ends
-
-
-def _arm_end(
-    skeleton: Skeleton, side: str, points: tuple[FloatArray, NDArray[np.int32]]
-) -> tuple[int, FloatArray] | None:
-    """An arm's lowest joint and, in its frame, the point of the arm farthest from its elbow."""
-    lowest = next((side + b for b in ("Hand", "LowerArm") if side + b in skeleton.bones), None)
-    if lowest is None:
-        return None
-    joint = skeleton.bones[lowest]
-    positions, mover = points
-    moved = positions[(mover >= 0) & skeleton.rig.below(joint)[mover]]
-    T = skeleton.T_world_joint[joint]
-    if len(moved) == 0:
-        return joint, np.zeros(3)
-    elbow = skeleton.marks.joint.get(f"{side}LowerArm", T[:3, 3])
-    end = moved[np.argmax(np.linalg.norm(moved - elbow, axis=1))]
-    return joint, T[:3, :3].T @ (end - T[:3, 3])
 
 
 def _ball_ends(rig: Rig) -> list[int]:

@@ -9,7 +9,7 @@ alone: they come and go as the thighs do.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +66,7 @@ class Tucks:
         if not trunk or not all(bone in body.humanoid for bone in (*legs, "hips")):
             return
         thighs = [body.rig.index(body.humanoid[f"{side}UpperLeg"]) for side in SIDES]
+        self._thighs = thighs
         spine, hips = (body.rig.index(body.humanoid[bone]) for bone in (trunk[0], "hips"))
         of_legs = body.rig.below(thighs[0]) | body.rig.below(thighs[1])
         above = body.rig.below(spine)
@@ -88,11 +89,12 @@ class Tucks:
         for bend in self._bends:
             bend.clear(T.copy(), 0.0)  # compiled or loaded: not in the midst of a motion
 
-    def clear(self, T_world_joint: FloatArray) -> None:
+    def clear(self, T_world_joint: FloatArray, lies: float = 0.0) -> None:
         """Bend the body back off thighs that are deep in it.
 
         Args:
             T_world_joint: Poses of the joints, changed in place, shape [n, 4, 4].
+            lies: How much its trunk lies on the ground, from 0 to 1: the legs go, then.
         """
         self.bend = 0.0
         # The last one looks at all that the others do.
@@ -100,6 +102,10 @@ class Tucks:
             return
         for bend in self._bends:
             self.bend += bend.clear(T_world_joint, _MOST - self.bend)
+        if lies > 0.0:
+            axis = _axis(T_world_joint, self._thighs)
+            everywhere = np.ones(len(T_world_joint), np.bool_)
+            _turn(T_world_joint, everywhere, self._thighs, lies * self.bend * axis)
 
 
 class _Near(NamedTuple):
@@ -183,12 +189,7 @@ class _Bend:
         else:
             bend = float(_ANGLES[-1])
         bend = min(bend, most)
-        R = Rotation.from_rotvec(-bend * axis).as_matrix()
-        pivot = T[self._pivot, :3, 3].mean(axis=0)
-        moved = T[self._moved]
-        moved[:, :3, 3] = (moved[:, :3, 3] - pivot) @ R.T + pivot
-        moved[:, :3, :3] = R @ moved[:, :3, :3]
-        T[self._moved] = moved
+        _turn(T, self._moved, self._pivot, -bend * axis)
         return bend
 
     def is_clear(self, T: FloatArray) -> bool:
@@ -219,6 +220,16 @@ class _Bend:
             gaps += _ASIDE * near.radius.max(initial=0.0) * room
             least = np.minimum(least, gaps.min(axis=(0, 2)))
         return np.asarray(least)
+
+
+def _turn(T: FloatArray, moved: NDArray[Any], pivot: Sequence[int], rotation: FloatArray) -> None:
+    """Turn joints by a rotation vector [rad] about the middle of some."""
+    R = Rotation.from_rotvec(rotation).as_matrix()
+    middle = T[pivot, :3, 3].mean(axis=0)
+    turned = T[moved]
+    turned[:, :3, 3] = (turned[:, :3, 3] - middle) @ R.T + middle
+    turned[:, :3, :3] = R @ turned[:, :3, :3]
+    T[moved] = turned
 
 
 def _axis(T: FloatArray, thighs: Sequence[int]) -> FloatArray:

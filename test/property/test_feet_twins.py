@@ -39,14 +39,14 @@ def poses_of(feet, seed):
 @pytest.mark.parametrize("seed", range(8))
 def test_a_leg_is_bent_alike_and_reaches_its_goal(feet, seed):
     f, _, T, rng = poses_of(feet, seed)
-    for i, joints in enumerate(f._legs.joints):
+    for i, joints in enumerate(f.legs.joints):
         goal = T[joints[2], :3, 3] + rng.normal(scale=0.1, size=3)
-        expected = naive_feet.bend_leg(T, joints, f._legs.part[i], f._legs.hinge[i], goal)
+        expected = naive_feet.bend_leg(T, joints, f.legs.part[i], f.legs.hinge[i], goal)
         got = T.copy()
-        bend_leg(got, joints, f._legs.part[i], f._legs.hinge[i], goal)
+        bend_leg(got, joints, f.legs.part[i], f.legs.hinge[i], goal)
         np.testing.assert_allclose(got, expected, atol=1e-9)
         away = np.linalg.norm(goal - T[joints[0], :3, 3])
-        if away < 0.999 * f._legs.reach[i]:
+        if away < 0.999 * f.legs.reach[i]:
             np.testing.assert_allclose(got[joints[2], :3, 3], goal, atol=1e-9)
         np.testing.assert_allclose(got[joints[2], :3, :3], T[joints[2], :3, :3], atol=1e-12)
         R = got[:, :3, :3]
@@ -59,14 +59,14 @@ def test_a_leg_is_bent_alike_and_reaches_its_goal(feet, seed):
 @pytest.mark.parametrize("seed", range(8))
 def test_knees_are_opened_alike(feet, seed):
     f, _, T, rng = poses_of(feet, seed)
-    for i, joints in enumerate(f._legs.joints):
+    for i, joints in enumerate(f.legs.joints):
         hip, ankle = T[joints[0], :3, 3], T[joints[2], :3, 3]
         goal = hip + rng.uniform(0.1, 0.6) * (ankle - hip) + rng.normal(scale=0.02, size=3)
-        T = naive_feet.bend_leg(T, joints, f._legs.part[i], f._legs.hinge[i], goal)
+        T = naive_feet.bend_leg(T, joints, f.legs.part[i], f.legs.hinge[i], goal)
     for stands in (rng.uniform(size=2), np.zeros(2), np.ones(2)):
         got = T.copy()
-        open_knees(got, f._legs, f._soles, stands)
-        expected = naive_feet.open_knees(T, f._legs, f._soles, stands)
+        open_knees(got, f.legs, f.soles, stands)
+        expected = naive_feet.open_knees(T, f.legs, f.soles, stands)
         np.testing.assert_allclose(got, expected, atol=1e-8)
 
 
@@ -86,7 +86,7 @@ def test_contact_and_grounding_are_alike(feet, seed):
             np.testing.assert_allclose(a, b, atol=1e-9)
     weight = rng.uniform(size=(2, 2))
     arguments = (
-        *(T_source, T, f._joint, f._offset, f._legs.joints[:, 2], f._target_offset, f._legs.ahead),
+        *(T_source, T, f._joint, f._offset, f.legs.joints[:, 2], f._target_offset, f.legs.ahead),
         *(f._stretch, f._scale, weight),
     )
     place = np.zeros((2, 2))
@@ -94,11 +94,11 @@ def test_contact_and_grounding_are_alike(feet, seed):
     np.testing.assert_allclose(place, naive_feet.missed(*arguments), atol=1e-12)
     for weights in (rng.uniform(size=(2, 4)), np.zeros((2, 4)), np.ones((2, 4))):
         arguments = (
-            *(*f._legs, weights, place),
-            *f._soles,
+            *(*f.legs, weights, place),
+            *f.soles,
         )
         got = T.copy()
-        ground(got, f._legs, f._soles, weights, place)
+        ground(got, f.legs, f.soles, weights, place)
         np.testing.assert_allclose(got, naive_feet.ground(T, *arguments), atol=1e-8)
 
 
@@ -115,34 +115,34 @@ def test_soles_are_held_alike_and_stay_where_they_were(feet, seed):
         for a, b in zip(state, expected):
             np.testing.assert_allclose(a, b, atol=1e-12)
     for i in range(2):  # on the ground, for soles above it are not held
-        points = slice(f._soles.start[i], f._soles.start[i + 1])
-        at = T[f._soles.joint[points]]
-        low = (at[:, 2, :3] * f._soles.offset[points]).sum(axis=1) + at[:, 2, 3]
-        T[f._legs.part[i] >= 0, 2, 3] -= low.min()
-    at = T[f._soles.joint]
-    now = ((at[:, :3, :3] @ f._soles.offset[..., None])[..., 0] + at[:, :3, 3])[:, :2]
+        points = slice(f.soles.start[i], f.soles.start[i + 1])
+        at = T[f.soles.joint[points]]
+        low = (at[:, 2, :3] * f.soles.offset[points]).sum(axis=1) + at[:, 2, 3]
+        T[f.legs.part[i] >= 0, 2, 3] -= low.min()
+    at = T[f.soles.joint]
+    now = ((at[:, :3, :3] @ f.soles.offset[..., None])[..., 0] + at[:, :3, 3])[:, :2]
     for dt in (-1.0, 0.0, 1 / 120, 1 / 15):
         for held in (np.ones((2, 2)), rng.integers(2, size=(2, 2)).astype(float)):
-            joints, part, hinge, _, reach = f._legs
+            joints, part, hinge, _, reach = f.legs
             state = (
                 now + rng.normal(scale=0.005, size=(2,)),
                 rng.uniform(size=2),
                 rng.normal(scale=0.03, size=(2, 2)),
             )
             *expected, slipped = naive_feet.hold(
-                T, joints, part, hinge, reach, held, dt, *f._soles, *state
+                T, joints, part, hinge, reach, held, dt, *f.soles, *state
             )
             got = T.copy(), *(x.copy() for x in state)
-            assert hold(got[0], f._legs, f._soles, held, dt, *got[1:]) == slipped
+            assert hold(got[0], f.legs, f.soles, held, dt, *got[1:]) == slipped
             for a, b in zip(got, expected):
                 np.testing.assert_allclose(a, b, atol=1e-8)
 
 
 def test_opposite_directions_do_not_break_a_leg(feet):
     f, _, T, _ = poses_of(feet, 0)
-    upper = f._legs.joints[0, 0]
+    upper = f.legs.joints[0, 0]
     for turn in Rotation.random(50, random_state=1):
         goal = T[upper, :3, 3] + turn.apply([0.0, 0.0, 0.3])
         got = T.copy()
-        bend_leg(got, f._legs.joints[0], f._legs.part[0], f._legs.hinge[0], goal)
+        bend_leg(got, f.legs.joints[0], f.legs.part[0], f.legs.hinge[0], goal)
         assert np.isfinite(got).all()

@@ -30,7 +30,7 @@ def retargeter_of(clip, body):
 def soles(retargeter, body):
     """Vertices of each foot."""
     main = body.skin.bone[np.arange(len(body.skin.bone)), body.skin.weight.argmax(axis=1)]
-    return [np.flatnonzero(part[main] == FOOT) for part in retargeter.feet._legs.part]
+    return [np.flatnonzero(part[main] == FOOT) for part in retargeter.feet.legs.part]
 
 
 def standing_feet(clip, retargeter, times):

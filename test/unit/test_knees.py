@@ -51,13 +51,13 @@ def on_the_ground(T, feet):
 
 def soles(T, feet):
     """Heights of the soles' points."""
-    at = T[feet._soles.joint]
-    return (at[:, 2, :3] * feet._soles.offset).sum(axis=1) + at[:, 2, 3]
+    at = T[feet.soles.joint]
+    return (at[:, 2, :3] * feet.soles.offset).sum(axis=1) + at[:, 2, 3]
 
 
 def legs(T, feet):
     """Hips, knees and ankles, shape [2, 3, 3]."""
-    return T[feet._legs.joints][:, :, :3, 3]
+    return T[feet.legs.joints][:, :, :3, 3]
 
 
 def bends(T, feet):
@@ -70,7 +70,7 @@ def bends(T, feet):
 
 def opened(T, feet, stands):
     T = T.copy()
-    open_knees(T, feet._legs, feet._soles, np.array(stands, float))
+    open_knees(T, feet.legs, feet.soles, np.array(stands, float))
     return T
 
 
@@ -98,7 +98,7 @@ def test_no_knee_bends_farther_than_flesh_lets_it(body, feet, stands, bend):
 def test_feet_that_stand_stay_and_the_body_rises(body, feet):
     T = on_the_ground(crouching(body, feet, (158.0, 158.0)), feet)
     got = opened(T, feet, (1, 1))
-    foot = feet._legs.part.max(axis=0) == 2
+    foot = feet.legs.part.max(axis=0) == 2
     np.testing.assert_allclose(got[foot], T[foot], atol=1e-9)
     hips = body.rig.index(body.humanoid["hips"])
     assert got[hips, 2, 3] > T[hips, 2, 3] + 0.02
@@ -125,7 +125,7 @@ def test_feet_in_the_air_go_away_from_a_body_that_stays(body, feet):
     T = crouching(body, feet, (158.0, 60.0), thighs=20.0)
     T[:, 2, 3] += 1.0
     got = opened(T, feet, (0, 0))
-    still = feet._legs.part.max(axis=0) < 0
+    still = feet.legs.part.max(axis=0) < 0
     assert (got[still] == T[still]).all()
     np.testing.assert_allclose(legs(got, feet)[1], legs(T, feet)[1], atol=1e-9)
     away = [np.linalg.norm(x[0, 2] - x[0, 0]) for x in (legs(T, feet), legs(got, feet))]
