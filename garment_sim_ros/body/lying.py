@@ -25,7 +25,7 @@ from garment_sim_ros.body.skeleton import Skeleton
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.jit import kernel
 
-_LIMITS = (0.02, 0.09, 0.15, 0.25, 0.18)
+_LIMITS = (0.02, 0.08, 0.15, 0.25, 0.18)
 """Heights of skin over the ground up to which a part lies on it, and from which it does not; depth
 of a joint from which it is somewhere else; how far skin under a joint counts: heads may be long;
 height from which a part is not near the ground, where no foot stands: who crouches stands. In leg
@@ -113,7 +113,7 @@ def look(T_source, T, parts, scale, limits, height):
         height[r] = _joint(T_source, parts, r, scale) - flesh
         if parts.upper[r]:
             there = _there(T_source, parts, r, scale, limits)
-            upper = max(upper, there * (1.0 - smooth_step(limits[0], limits[1], height[r])))
+            upper = max(upper, there * (1.0 - smooth_step(limits[0], limits[4], height[r])))
     return upper
 
 

@@ -31,7 +31,7 @@ def look(T_source, T, parts, scale, limits):
         joint, there = _source(T_source, parts, r, scale, limits)
         heights.append(joint - min(flesh, limits[3]))
         if parts.upper[r]:
-            upper.append(there * (1.0 - step(limits[0], limits[1], heights[-1])))
+            upper.append(there * (1.0 - step(limits[0], limits[4], heights[-1])))
     return max(upper), np.array(heights)
 
 
