@@ -5,8 +5,8 @@
 
 Arms raised, crossed, behind the back, on hips and head; a deep squat, a crouch, both splits, a
 lunge, knees up, a heel to the seat, bending over, sitting, kneeling, on one knee bent over the
-other, and all fours; a press-up, lying on back, face and side, and on the shoulders. Every pose is reached in a second and held for half of one, with the stand
-between.
+other, and all fours; a press-up, lying on back, face and side, and on the shoulders. Every pose is
+reached in a second and held for half of one, with the stand between.
 """
 
 import argparse
