@@ -143,7 +143,8 @@ class _Avatar:
         "", "YAML file that maps humanoid bones to joints of the body; empty: recognised by name."
     )
     ground_feet: bool = parameter(
-        True, "Keep feet on the ground, without sliding, while they stand in the source."
+        True,
+        "Put on the ground what is there in the source: feet, without sliding, and what lies.",
     )
     clear_arms: bool = parameter(
         True, "Turn arms about the shoulder out of hips, trunk and thighs that they are in."

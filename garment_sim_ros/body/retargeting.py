@@ -10,8 +10,9 @@ joint t and the frames F:
 
 Lengths stay the target's. The midpoint between the hip joints moves as the source's, scaled by the
 ratio of leg lengths, so that a foot on the ground stays on it, but for what the proportions
-differ; where the time is given, `body.feet` mends that, `body.knees` calves in thighs,
-`body.arms` arms in the trunk, and `body.tucks` thighs in it.
+differ; where the time is given, `body.feet` mends that, `body.lying` what lies and `body.hands`
+what is leaned on, `body.knees` calves in thighs, `body.arms` arms in the trunk, and `body.tucks`
+thighs in it.
 
 Joints of a rig with one-degree-of-freedom chains (URDF) are turned freely, not within their axes
 and limits: the last link of a ball joint gets the whole rotation, links between follow their
@@ -184,7 +185,8 @@ class Retargeter:
             q: Source channel values [rad or m], shape [d].
             time: When that is [s], for what depends on the calls before; None leaves all joints
                 where the angles put them.
-            ground_feet: Whether feet that stand are put on the ground, see `body.feet`.
+            ground_feet: Whether what is on the ground in the source is put there: feet, what
+                lies, and hands, see `body.feet`, `body.lying` and `body.hands`.
             clear_arms: Whether arms that are in the trunk are turned out of it, see `body.arms`.
             clear_thighs: Whether knees are opened where calves are in thighs, and the trunk is
                 bent back off thighs in it, see `body.knees` and `body.tucks`.

@@ -1,5 +1,7 @@
 """Retargeting between figures made here: rest poses, proportions, frames of bones, bad input."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -277,6 +279,37 @@ def test_a_handstand_stands_on_its_hands():
     T = retargeter.world_joints(q)
     assert T[target.rig.index("leftHand"), 2, 3] == pytest.approx(0.0, abs=1e-3)
     assert T[target.rig.index("leftFoot"), 2, 3] > 0.8
+
+
+def test_without_hands_a_handstand_stands_on_its_wrists():
+    """What the body has beyond them is not in the source; its finger tips would carry it."""
+    source = rig_of([j for j in person("tee") if not j[0].endswith("Hand")])
+    target = with_fingers(body_of(person("tee")), 0.18)
+    joints = {name: x for name, _, x in person("tee")}
+    forearm = joints["leftHand"] - joints["leftLowerArm"]
+    ends = {f"{side}LowerArm": sign * forearm for side, sign in SIDES}
+    q = np.zeros(len(source.dofs))
+    q[3] = np.pi  # upside down about x
+    for side, sign in SIDES:
+        q[3 + 3 * source.index(f"{side}UpperArm")] = sign * np.pi / 2
+    elbow = ForwardKinematics(source).from_dofs(q)[source.index("leftLowerArm")]
+    q[2] -= (elbow[:3, :3] @ forearm + elbow[:3, 3])[2]
+    retargeter = Retargeter(source, target, reference=SourceReference(end_sites=ends))
+    T = retargeter.world_joints(q)
+    assert T[target.rig.index("leftHand"), 2, 3] == pytest.approx(0.0, abs=1e-3)
+
+
+def with_fingers(body, length):
+    """The body with a point of skin beyond each wrist [m]."""
+    hands = [body.rig.index(f"{side}Hand") for side, _ in SIDES]
+    tips = rest_transforms(body.rig)[hands, :3, 3] + [[0.0, s * length, 0.0] for _, s in SIDES]
+    skin = dataclasses.replace(
+        body.skin,
+        vertices=np.vstack([body.skin.vertices, tips]),
+        bone=np.vstack([body.skin.bone, np.array(hands)[:, None]]),
+        weight=np.vstack([body.skin.weight, np.ones((2, 1))]),
+    )
+    return dataclasses.replace(body, skin=skin)
 
 
 def test_trunk_between_is_shared_and_missing_bones_follow():

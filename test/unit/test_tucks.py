@@ -218,3 +218,26 @@ def test_legs_that_hang_on_the_spine_are_left_alone():
     before = T.copy()
     Tucks(hung).clear(T)
     assert (before == T).all()
+
+
+def test_on_a_trunk_that_lies_the_legs_go(body):
+    """Bent back, it would be in the ground; the pose is the same but for how it is turned."""
+    stands, lies, half = (tucked(body, DEEP[body.name]) for _ in range(3))
+    before = stands.copy()
+    tucks = Tucks(body)
+    tucks.clear(stands)
+    assert tucks.bend > 0.05
+    tucks.clear(lies, 1.0)
+    head, knee = joint(body, "head"), joint(body, "leftLowerLeg")
+    np.testing.assert_allclose(lies[head, :3, :3], before[head, :3, :3], atol=1e-9)
+    assert np.abs(stands[head, :3, :3] - before[head, :3, :3]).max() > 0.05
+    assert np.abs(lies[knee, :3, :3] - before[knee, :3, :3]).max() > 0.05
+    turn = lies[head] @ np.linalg.inv(stands[head])
+    np.testing.assert_allclose(lies, turn @ stands, atol=1e-9)
+    # About the hip joints, which stay, and half as far for half as much.
+    hips = [joint(body, f"{side}UpperLeg") for side in SIDES]
+    np.testing.assert_allclose(lies[hips, :3, 3], before[hips, :3, 3], atol=1e-9)
+    tucks.clear(half, 0.5)
+    turn = half[head] @ np.linalg.inv(stands[head])
+    angle = np.arccos((np.trace(turn[:3, :3]) - 1.0) / 2.0)
+    assert angle == pytest.approx(0.5 * tucks.bend, abs=1e-6)
