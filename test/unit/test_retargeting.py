@@ -1,7 +1,5 @@
 """Retargeting between figures made here: rest poses, proportions, frames of bones, bad input."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -13,6 +11,7 @@ from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.rig import ROTATION, TRANSLATION, Dofs, Rig
 from garment_sim_ros.body.skin import Body, Skin
 from garment_sim_ros.errors import GeometryError, ParameterError
+from test.bodies import with_fingers
 
 ARMS = {"tee": 0.0, "a_pose": 45.0, "hanging": 88.0}  # below the horizontal
 SIDES = (("left", 1.0), ("right", -1.0))
@@ -297,19 +296,6 @@ def test_without_hands_a_handstand_stands_on_its_wrists():
     retargeter = Retargeter(source, target, reference=SourceReference(end_sites=ends))
     T = retargeter.world_joints(q)
     assert T[target.rig.index("leftHand"), 2, 3] == pytest.approx(0.0, abs=1e-3)
-
-
-def with_fingers(body, length):
-    """The body with a point of skin beyond each wrist [m]."""
-    hands = [body.rig.index(f"{side}Hand") for side, _ in SIDES]
-    tips = rest_transforms(body.rig)[hands, :3, 3] + [[0.0, s * length, 0.0] for _, s in SIDES]
-    skin = dataclasses.replace(
-        body.skin,
-        vertices=np.vstack([body.skin.vertices, tips]),
-        bone=np.vstack([body.skin.bone, np.array(hands)[:, None]]),
-        weight=np.vstack([body.skin.weight, np.ones((2, 1))]),
-    )
-    return dataclasses.replace(body, skin=skin)
 
 
 def test_trunk_between_is_shared_and_missing_bones_follow():
