@@ -19,6 +19,8 @@ def contacts_of(
     body: Body,
     end_sites: Mapping[str, FloatArray],
     ankle_heights: tuple[float, float],
+    *,
+    wrists: bool = False,
 ) -> Contacts:
     """Points that both have.
 
@@ -28,6 +30,7 @@ def contacts_of(
         body: The body.
         end_sites: Joint name to where its bone ends, in the joint's frame [m], of the source.
         ankle_heights: Of a foot that stands, of the source and of the body [m].
+        wrists: Whether a body with hands leans on its wrists where the source has none.
     """
     joints, offsets, heights = [], [], []
     for foot in ("leftFoot", "rightFoot"):
@@ -38,8 +41,8 @@ def contacts_of(
     for side in SIDES:
         end_s = _arm_end(source, side, _skeleton_points(source, end_sites))
         end_t = _arm_end(rest, side, _skin_points(body))
-        if f"{side}Hand" in rest.bones and f"{side}Hand" not in source.bones:
-            end_t = rest.bones[f"{side}Hand"], np.zeros(3)  # it ends at the wrist
+        if wrists and f"{side}Hand" in rest.bones and f"{side}Hand" not in source.bones:
+            end_t = rest.bones[f"{side}Hand"], np.zeros(3)
         if end_s is not None and end_t is not None:
             joints.append((end_s[0], end_t[0]))
             offsets.append(np.stack([end_s[1], end_t[1]]))

@@ -1,9 +1,10 @@
 """Arms out of the ground: hands that a body leans on bend at the wrist, as palms on a floor do.
 
 A source without hands leans on its wrists, and hands that follow the forearms are in the ground
-then. What of a forearm is under the ground is lifted, over the same place, and the elbow bends for
-it; then the hand is turned about its wrist, by the smallest angle that brings it out, towards its
-back where both ways do. Where the source's own elbow is far below the ground, nothing is done.
+then. What of a wrist is under the ground is lifted, over the same place, and the elbow bends for
+it; then the hand is turned about its wrist until it is out: towards its back, but where that looks
+down, towards its palm. A hand on its edge, which no turn brings out, is lifted instead. Where the
+source's own elbow is far below the ground, nothing is done.
 """
 
 from typing import NamedTuple
@@ -27,8 +28,13 @@ _CLOSE = 0.002
 _SINKS = 0.01
 """Depth of a hand from which on its wrist is as high as a palm on the ground needs it [m]."""
 _STEP = np.radians(5.0)
-_STEPS = 24
-"""A hand is turned by so many steps at most, each way."""
+_STEPS = 20
+"""A hand is turned by so many steps at most."""
+_ON_EDGE = (0.5, 0.85)
+"""How upright its axis is from which on it is turned less, and not at all."""
+_BACK_DOWN = (-0.4, -0.2)
+"""How far a hand's back looks down, as a cosine, from which on it turns the other way; between the
+two it turns less."""
 _ROOM = 1.25
 """Height of the wrist of a palm that lies on the ground, in its thicknesses."""
 _BONES = ("UpperArm", "LowerArm", "Hand")
@@ -42,6 +48,7 @@ class Arms(NamedTuple):
         part: What each joint of the body moves with, as in `body.leg_reach.Legs`, shape [a, n].
         hinge: Axis of each elbow in the upper arm's frame, shape [a, 3].
         wrist: Axis about which a hand turns towards its back, in its frame, shape [a, 3].
+        back: Where the hand's back looks, in its frame, shape [a, 3].
         palm: How high the wrist of a palm is that lies on the ground [m], shape [a].
         joint: Joint of each point of skin that may be the lowest, forearm by hand, shape [p].
         offset: These points in their joints' frames [m], shape [p, 3].
@@ -53,6 +60,7 @@ class Arms(NamedTuple):
     part: NDArray[np.int8]
     hinge: FloatArray
     wrist: FloatArray
+    back: FloatArray
     palm: FloatArray
     joint: IntArray
     offset: FloatArray
@@ -90,40 +98,50 @@ def lift_arms(T_source, T, arms, scale, deep):
             goal[2] += under
             bend_leg(T, arms.joints[i], arms.part[i], arms.hinge[i], goal)
         if there * lowest(T, arms.joint[palm], arms.offset[palm]) < -_CLOSE:
-            angle = _way_out(T, arms.joints[i, 2], arms.wrist[i], arms.offset[palm], there)
-            _turn_hand(T, arms.joints[i, 2], arms.part[i], arms.wrist[i], angle)
+            axis, back = arms.wrist[i], arms.back[i]
+            angle = there * _way_out(T, arms.joints[i, 2], axis, back, arms.offset[palm])
+            _turn_hand(T, arms.joints[i, 2], arms.part[i], axis, angle)
+            under = -there * lowest(T, arms.joint[palm], arms.offset[palm]) - _CLOSE
+            if under > 0.0:
+                for k in range(3):
+                    goal[k] = T[arms.joints[i, 2], k, 3]
+                goal[2] += under
+                bend_leg(T, arms.joints[i], arms.part[i], arms.hinge[i], goal)
 
 
 @kernel(inner=True)
-def _way_out(T, hand, axis, offset, there):
+def _way_out(T, hand, axis, back, offset):
     """Angle by which a hand turns about an axis in its frame until it is out of the ground [rad].
 
-    Its points' heights over the wrist are those of a circle each, so none needs to be turned.
+    Where none brings it out, the one that brings it highest.
     """
     R = T[hand]
-    best, highest = 0.0, -np.inf
-    for way in (1.0, -1.0):
-        before = 0.0
-        for s in range(_STEPS + 1):
-            angle = way * s * _STEP
-            c, d = np.cos(angle), np.sin(angle)
-            low = np.inf
-            for p in range(offset.shape[0]):
-                x, y, z = offset[p]
-                along = (1.0 - c) * (x * axis[0] + y * axis[1] + z * axis[2])
-                u = c * x + d * (axis[1] * z - axis[2] * y) + along * axis[0]
-                v = c * y + d * (axis[2] * x - axis[0] * z) + along * axis[1]
-                w = c * z + d * (axis[0] * y - axis[1] * x) + along * axis[2]
-                low = min(low, R[2, 0] * u + R[2, 1] * v + R[2, 2] * w + R[2, 3])
-            if low >= -_CLOSE and s > 0:
-                share = (before + _CLOSE) / min(before - low, -1e-12)
-                return there * way * _STEP * (s - 1 + min(max(share, 0.0), 1.0))
-            if low > highest:
-                best, highest = angle, low
-            before = low
-        if highest >= -_SINKS and best != 0.0:
-            break
-    return there * best
+    upright = abs(R[2, 0] * axis[0] + R[2, 1] * axis[1] + R[2, 2] * axis[2])
+    down = R[2, 0] * back[0] + R[2, 1] * back[1] + R[2, 2] * back[2]
+    middle = 0.5 * (_BACK_DOWN[0] + _BACK_DOWN[1])
+    half = 0.5 * (_BACK_DOWN[1] - _BACK_DOWN[0])
+    way = 1.0 if down > middle else -1.0
+    much = 1.0 - smooth_step(_ON_EDGE[0], _ON_EDGE[1], upright)
+    much *= smooth_step(0.0, half, abs(down - middle))
+    best, highest, before = 0.0, -np.inf, 0.0
+    for s in range(_STEPS + 1):
+        angle = way * s * _STEP
+        c, d = np.cos(angle), np.sin(angle)
+        low = np.inf
+        for p in range(offset.shape[0]):
+            x, y, z = offset[p]
+            along = (1.0 - c) * (x * axis[0] + y * axis[1] + z * axis[2])
+            u = c * x + d * (axis[1] * z - axis[2] * y) + along * axis[0]
+            v = c * y + d * (axis[2] * x - axis[0] * z) + along * axis[1]
+            w = c * z + d * (axis[0] * y - axis[1] * x) + along * axis[2]
+            low = min(low, R[2, 0] * u + R[2, 1] * v + R[2, 2] * w + R[2, 3])
+        if low >= -_CLOSE and s > 0:
+            share = (before + _CLOSE) / min(before - low, -1e-12)
+            return much * way * _STEP * (s - 1 + min(max(share, 0.0), 1.0))
+        if low > highest:
+            best, highest = angle, low
+        before = low
+    return much * best
 
 
 @kernel(inner=True)
@@ -175,7 +193,7 @@ class Hands:
         n, a = len(body.rig), len(whole)
         part = np.full((a, n), -1, np.int8)
         joints, offsets, starts = np.zeros((a, 3), np.int32), [], [0]
-        hinge, wrist = np.zeros((2, a, 3))
+        hinge, wrist, back = np.zeros((3, a, 3))
         palm = np.zeros(a)
         movers: list[int] = []
         for i, side in enumerate(whole):
@@ -184,7 +202,7 @@ class Hands:
                 above = part[i, parent] if parent >= 0 else -1
                 part[i, j] = {upper: THIGH, lower: SHANK, hand: FOOT}.get(j, above)
             hinge[i] = rest.rotation(upper).T @ rest.frames[f"{side}UpperArm"][:, 1]
-            wrist[i], palm[i] = _palm(rest, hand, skins[f"{side}Hand"])
+            wrist[i], back[i], palm[i] = _palm(rest, hand, skins[f"{side}Hand"])
             for bone in _BONES[1:]:
                 joint = rest.bones[side + bone]
                 T = rest.T_world_joint[joint]
@@ -197,6 +215,7 @@ class Hands:
             part=part,
             hinge=hinge,
             wrist=wrist,
+            back=back,
             palm=palm,
             joint=np.array(movers, np.int32),
             offset=np.concatenate([np.zeros((0, 3)), *offsets]),
@@ -214,8 +233,8 @@ class Hands:
         lift_arms(T_source, T_world_joint, self._arms, self._scale, self._deep)
 
 
-def _palm(rest: Skeleton, hand: int, skin: FloatArray) -> tuple[FloatArray, float]:
-    """Axis about which a hand turns towards its back, in its frame, and a wrist's least height.
+def _palm(rest: Skeleton, hand: int, skin: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Axis about which a hand turns towards its back, where that looks, and a wrist's height.
 
     At rest palms of arms that are held out look down, and those of arms that hang at the body.
     """
@@ -225,6 +244,7 @@ def _palm(rest: Skeleton, hand: int, skin: FloatArray) -> tuple[FloatArray, floa
     back = UP if away is None else UP + away
     axis = None if fingers is None else unit(np.cross(fingers, back))
     if axis is None or fingers is None:
-        return np.array([1.0, 0.0, 0.0]), 0.0
-    below = x @ -np.cross(axis, fingers)
-    return rest.rotation(hand).T @ axis, _ROOM * float(max(below.max(), 0.0))
+        return np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), 0.0
+    back, R = np.cross(axis, fingers), rest.rotation(hand)
+    below = x @ -back
+    return R.T @ axis, R.T @ back, _ROOM * float(max(below.max(), 0.0))

@@ -4,8 +4,8 @@ Trunk, head, thighs, knees and upper arms are parts that may lie on the ground. 
 the source is told by the height of its joints, to scale, and the skin that the body has under its
 own. Where a part is nearly as low as one that lies, the body's lowest skin goes to the height of
 the source's, and to the ground where that lies on it; and what is under the ground is lifted out
-of it. Feet that stand stay where they are, and legs bend for it; others go along, but not into the
-ground.
+of it. Feet that stand stay where they are, and legs bend for it, but where their knees are in the
+ground; other feet go along, but not into the ground.
 
 It depends on the pose alone: it comes and goes as the body does.
 """
@@ -30,7 +30,7 @@ _LIMITS = (0.02, 0.08, 0.15, 0.25, 0.18)
 of a joint from which it is somewhere else; how far skin under a joint counts: heads may be long;
 height from which a part is not near the ground, where no foot stands: who crouches stands. In leg
 lengths."""
-_UPPER = {*TRUNK[1:], "neck"}
+_UPPER = {*TRUNK, "neck"}
 _HIP, _KNEE = 0.4, (0.75, 0.5)
 """Where the part of a hip ends on its thigh, and where that of a knee begins there and ends on its
 shank, in their lengths."""
@@ -118,7 +118,7 @@ def look(T_source, T, parts, scale, limits, height):
 
 
 @kernel()
-def rest(T_source, T, parts, legs, soles, stands, scale, limits, height):
+def rest(T_source, T, parts, legs, soles, stands, scale, limits, height, turned):
     """Put a body's lowest skin on the ground where its source lies on it, and none into it.
 
     Args:
@@ -131,6 +131,7 @@ def rest(T_source, T, parts, legs, soles, stands, scale, limits, height):
         scale: Target length per source length.
         limits: See `look`.
         height: Of the source's lowest skin of each part, by `look` [m], shape [m].
+        turned: Whether legs were turned since, and may be in the ground.
 
     Returns:
         How far the body went up [m].
@@ -142,6 +143,13 @@ def rest(T_source, T, parts, legs, soles, stands, scale, limits, height):
         least = min(least, low)
         sunk = max(sunk, -_there(T_source, parts, r, scale, limits) * low)
     shift = sunk
+    free = stands.copy()
+    for r in range(parts.target.shape[0]):
+        for i in range(legs.joints.shape[0]):
+            if sunk > 0.0 and parts.knee[r] and parts.target[r, 0] == legs.joints[i, 1]:
+                points = slice(parts.start[r], parts.start[r + 1])
+                low = lowest(T, parts.joint[points], parts.offset[points])
+                free[i, 0] *= 1.0 - max(-low, 0.0) / max(sunk, -low)
     if sunk <= 0.0:
         standing = 0.0
         for i in range(stands.shape[0]):
@@ -154,9 +162,8 @@ def rest(T_source, T, parts, legs, soles, stands, scale, limits, height):
             near = 1.0 - smooth_step(limits[0], far, height[r])
             near *= _there(T_source, parts, r, scale, limits)
             shift = min(shift, near * min(over - least, 0.0))
-    if shift == 0.0:
-        return 0.0
-    _move(T, shift, legs, soles, stands)
+    if shift != 0.0 or turned:
+        _move(T, shift, legs, soles, free)
     return shift
 
 
@@ -170,12 +177,12 @@ class Lying:
         scale: Target length per source length.
 
     Attributes:
-        upper: How much its upper trunk or head lay on the ground last, 0 to 1.
+        lies: How much its upper trunk or head lay on the ground last, 0 to 1.
         shift: How far the body went up [m].
     """
 
     def __init__(self, source: Skeleton, rest: Skeleton, body: Body, scale: float) -> None:
-        self.upper = self.shift = 0.0
+        self.lies = self.shift = 0.0
         self._scale = scale
         self._limits = np.array(_LIMITS) * (leg_length(rest.marks) or 1.0)
         skins = skin_of_bones(body)
@@ -193,7 +200,7 @@ class Lying:
             starts.append(len(joints))
             target.append([rest.bones[bone] for bone in compared])
             other.append([source.bones[bone] for bone in compared])
-            upper.append(not _UPPER.isdisjoint(bones))
+            upper.append("hips" not in bones and not _UPPER.isdisjoint(bones))
             knee.append("LowerLeg" in compared[0])
         self._parts = Parts(
             np.array(joints, np.int32),
@@ -213,7 +220,7 @@ class Lying:
             T_source: The source's joints, shape [m, 4, 4].
             T_world_joint: The body's joints, shape [n, 4, 4].
         """
-        self.upper = look(
+        self.lies = look(
             T_source, T_world_joint, self._parts, self._scale, self._limits, self._height
         )
 
@@ -225,11 +232,9 @@ class Lying:
             T_world_joint: The body's joints, changed in place, shape [n, 4, 4].
             feet: The body's feet, which were grounded.
         """
-        stands = feet.stands[:, :2].copy()
-        stands[:, 0] *= 1.0 - self.upper  # nobody stands who lies
         self.shift = rest(
-            T_source, T_world_joint, self._parts, feet.legs, feet.soles, stands,
-            self._scale, self._limits, self._height,
+            T_source, T_world_joint, self._parts, feet.legs, feet.soles, feet.stands[:, :2],
+            self._scale, self._limits, self._height, self.lies > 0.0,
         )  # fmt: skip
 
 
@@ -244,11 +249,11 @@ def _parts(
     whole = -np.inf, np.inf
     legs, arms = ("leftUpperLeg", "rightUpperLeg"), ("leftUpperArm", "rightUpperArm")
     trunk = rest.marks.trunk()
-    parts = [
-        (dict.fromkeys(("hips", *trunk[:1]), whole), legs if both(*legs) else ("hips", "hips"))
-    ]
-    if both(*arms) and len(trunk) > 1:
-        parts.append((dict.fromkeys(trunk[1:], whole), arms))
+    upper = (trunk[1:] or trunk) if both(*arms) else []
+    lower = [bone for bone in trunk if bone not in upper]
+    parts = [(dict.fromkeys(("hips", *lower), whole), legs if both(*legs) else ("hips", "hips"))]
+    if upper:
+        parts.append((dict.fromkeys(upper, whole), arms))
     top = "head" if both("head") else "neck"
     if both(top):
         parts.append((dict.fromkeys(("neck", "head"), whole), (top, top)))

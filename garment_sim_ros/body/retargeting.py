@@ -195,20 +195,23 @@ class Retargeter:
             `T_world_joint`, shape [n, 4, 4], overwritten by the next call.
         """
         T_source = self._kinematics.from_dofs(q, self._T_world_source)
+        leans = time is not None and ground_feet
         turn_joints(T_source, self._turns, self._hips, self._rotation)
         place_joints(
             T_source, self._travel_joints, self.scale, self._middle_in_hips, self._parent,
-            self._hips, self._rest_position, self._rotation, self._contacts, self._reach,
-            self._T_world_joint,
+            self._hips, self._rest_position, self._rotation,
+            self._wrists if leans else self._contacts, self._reach, self._T_world_joint,
         )  # fmt: skip
         if time is not None and ground_feet:
             self.feet.ground(T_source, self._T_world_joint, time)
             self.lying.look(T_source, self._T_world_joint)
         if time is not None and clear_thighs:
             self.feet.open_knees(self._T_world_joint)
-            self.tucks.clear(self._T_world_joint, self.lying.upper if ground_feet else 0.0)
+            self.tucks.clear(self._T_world_joint, self.lying.lies if ground_feet else 0.0)
         if time is not None and ground_feet:
             self.lying.rest(T_source, self._T_world_joint, self.feet)
+            if clear_thighs and self.lying.shift < 0.0:
+                self.feet.open_knees(self._T_world_joint)
         if time is not None and clear_arms:
             self.arms.clear(self._T_world_joint, time)
         if time is not None and ground_feet:
@@ -293,9 +296,8 @@ class Retargeter:
             if standing and not (source.rig.dofs.kind == TRANSLATION).any():
                 # A skeleton that stays where its root is says nothing about the ground but this.
                 source_height = float(min(standing))
-        self._contacts = contacts_of(
-            source, rest, target, reference.end_sites, (source_height, height)
-        )
+        points = source, rest, target, reference.end_sites, (source_height, height)
+        self._contacts, self._wrists = contacts_of(*points), contacts_of(*points, wrists=True)
         return source_height
 
 

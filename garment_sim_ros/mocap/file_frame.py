@@ -159,17 +159,17 @@ def _up_axis(zero: Landmarks, poses: list[Landmarks]) -> FloatArray | None:
     """The axis along which people are upright most of the time.
 
     Somebody who lies or tumbles is not. The zero pose, if it is one, then knows better, and where
-    the two differ the ground tells: what is lowest is on it most of the time.
+    the two differ the ground tells: what is lowest is at height 0 most of the time.
     """
     directions = [d for d in map(upward, poses) if d is not None]
-    if not directions:
-        return None
-    mean = np.mean(directions, axis=0)
-    most = _nearest_axis(mean)
+    mean = np.mean(directions, axis=0) if directions else np.zeros(3)
+    most = _nearest_axis(mean) if directions else None
     rest = upward(zero)
     if rest is None or not stands(zero, _nearest_axis(rest)):
         return most
     rest = _nearest_axis(rest)
+    if most is None:
+        return rest
     lies = on_ground(poses, rest) > 0.5 > on_ground(poses, most)
     return rest if lies or np.abs(mean).max() < 0.7 else most
 

@@ -35,7 +35,7 @@ def look(T_source, T, parts, scale, limits):
     return max(upper), np.array(heights)
 
 
-def rest(T_source, T, parts, legs, soles, stands, scale, limits, heights):
+def rest(T_source, T, parts, legs, soles, stands, scale, limits, heights, turned):
     """See `lying.rest`; returns the new poses and how far the body went up."""
     low = {r: height(T, *points) for r, *points in _parts(parts)}
     there = {r: _source(T_source, parts, r, scale, limits)[1] for r in low}
@@ -50,7 +50,12 @@ def rest(T_source, T, parts, legs, soles, stands, scale, limits, heights):
             near = there[r] * (1.0 - step(limits[0], far, h))
             ways.append(near * min(goal - least, 0.0))
         shift = min(ways)
-    if shift == 0.0:
+    free = stands.copy()
+    for i, joints in enumerate(legs.joints):
+        for r in np.flatnonzero(parts.knee):
+            if parts.target[r, 0] == joints[1] and shift > 0.0:
+                free[i, 0] *= 1.0 - max(-low[r], 0.0) / max(shift, -low[r])
+    if shift == 0.0 and not turned:
         return T, 0.0
     T = T.copy()
     T[:, 2, 3] += shift
@@ -58,14 +63,14 @@ def rest(T_source, T, parts, legs, soles, stands, scale, limits, heights):
         points = slice(soles.start[i], soles.start[i + 1])
         under = max(0.0, -height(T, soles.joint[points], soles.offset[points]))
         goal = T[joints[2], :3, 3].copy()
-        stays, kept_out = stands[i]
+        stays, kept_out = free[i]
         goal[2] += (1.0 - stays) * kept_out * under - stays * shift
         T = bend_leg(T, joints, legs.part[i], legs.hinge[i], goal)
     return T, shift
 
 
 def lift_arms(T_source, T, arms, scale, deep) -> FloatArray:
-    """See `hands.lift_arms`; the angle of a hand is looked for in small steps."""
+    """See `hands.lift_arms`."""
     for i, joints in enumerate(arms.joints):
         there = 1.0 - step(0.5 * deep, deep, -scale * T_source[arms.source[i], 2, 3])
         fore, palm = (slice(*arms.start[2 * i + k : 2 * i + k + 2]) for k in range(2))
@@ -86,24 +91,26 @@ def lift_arms(T_source, T, arms, scale, deep) -> FloatArray:
                 turned = Rotation.from_rotvec(angle * axis).apply(points)
                 return min(point(hand, x)[2] for x in turned) + 0.002
 
-            coarse = np.radians(np.arange(0.0, 121.0, 5.0))
-            angle = None
-            for way in (1.0, -1.0):
-                clear = [k for k in range(1, len(coarse)) if low(way * coarse[k]) >= 0.0]
-                if clear:
-                    a, b = coarse[clear[0] - 1], coarse[clear[0]]
-                    share = np.clip(low(way * a) / (low(way * a) - low(way * b)), 0.0, 1.0)
-                    angle = way * (a + share * (b - a))
-                    break
-                best = max(way * coarse, key=low)
-                if low(best) - 0.002 >= -0.01 and best != 0.0:
-                    angle = best
-                    break
-            if angle is None:
-                angle = max([*coarse, *-coarse], key=low)
+            down = hand[2, :3] @ arms.back[i]
+            way = 1.0 if down > -0.3 else -1.0
+            much = (1.0 - step(0.5, 0.85, abs(hand[2, :3] @ arms.wrist[i]))) * step(
+                0.0, 0.1, abs(down + 0.3)
+            )
+            coarse = way * np.radians(np.arange(0.0, 101.0, 5.0))
+            clear = [k for k in range(1, len(coarse)) if low(coarse[k]) >= 0.0]
+            if clear:
+                a, b = coarse[clear[0] - 1], coarse[clear[0]]
+                angle = a + np.clip(low(a) / (low(a) - low(b)), 0.0, 1.0) * (b - a)
+            else:
+                angle = max(coarse, key=low)
+            angle *= much
             R = hand[:3, :3] @ Rotation.from_rotvec(there * angle * arms.wrist[i]).as_matrix()
             turn = R @ hand[:3, :3].T
             for j in np.flatnonzero(arms.part[i] == 2):
                 T[j, :3, 3] = hand[:3, 3] + turn @ (T[j, :3, 3] - hand[:3, 3])
                 T[j, :3, :3] = turn @ T[j, :3, :3]
+            under = -there * height(T, arms.joint[palm], arms.offset[palm]) - 0.002
+            if under > 0.0:
+                goal = T[joints[2], :3, 3] + [0.0, 0.0, under]
+                T = bend_leg(T, joints, arms.part[i], arms.hinge[i], goal)
     return T

@@ -49,7 +49,7 @@ def test_bodies_rest_alike(retargeter, seed):
     for lower in (0.0, 0.1):
         arguments = (
             *(of._parts, r.feet.legs, r.feet.soles, rng.uniform(size=(2, 2))),
-            *(of._scale, of._limits, heights - lower),
+            *(of._scale, of._limits, heights - lower, lower > 0.0),
         )
         expected, up = naive_lying.rest(T_source, T, *arguments)
         got = T.copy()
@@ -65,7 +65,7 @@ def test_all_ways_of_lying_were_met(retargeter):
         r.lying.look(T_source, T)
         r.lying.rest(T_source, T, r.feet)
         shifts.append(r.lying.shift)
-        upper.append(r.lying.upper)
+        upper.append(r.lying.lies)
     assert min(shifts) < -0.02
     assert max(shifts) > 0.02
     assert 0.0 in shifts

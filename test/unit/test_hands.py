@@ -5,6 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.body.hands import Hands
 from garment_sim_ros.body.kinematics import rest_transforms
@@ -109,7 +110,7 @@ def test_hands_come_out_of_the_ground(body, retargeter, wrists):
     far = np.setdiff1d(np.arange(len(T)), np.flatnonzero(retargeter.hands._arms.part.max(0) >= 0))
     assert (got[far] == T[far]).all()
     if lowest(body, T, "leftLowerArm") > 0.02 and lowest(body, T, "rightLowerArm") > 0.02:
-        np.testing.assert_allclose(got[hands, :3, 3], T[hands, :3, 3], atol=1e-12)
+        np.testing.assert_allclose(got[hands, :3, 3], T[hands, :3, 3], atol=6e-3)
 
 
 @pytest.mark.parametrize("wrists", [0.0, -0.08])
@@ -144,6 +145,26 @@ def test_a_hand_turns_as_it_goes_down(body, retargeter):
     assert steps[-1] < 20.0
     assert steps[-3] < 6.0
     assert np.degrees(np.arccos(ways[0] @ ways[-1])) > 40.0
+
+
+def test_a_hand_on_its_edge_does_not_whip(body, retargeter):
+    """Level, at 4 cm, and rolled about the forearm: from palm down over its edge to palm up."""
+    T = leaning(body, 0.04, bend=90.0)
+    hand = joint(body, "leftHand")
+    below = np.flatnonzero(body.rig.below(hand))
+    way = fingers(body, T, "left")
+    ways = []
+    for roll in np.radians(np.arange(0.0, 360.0, 2.0)):
+        P = T.copy()
+        R = Rotation.from_rotvec(roll * way).as_matrix()
+        P[below, :3, 3] = (P[below, :3, 3] - P[hand, :3, 3]) @ R.T + P[hand, :3, 3]
+        P[below, :3, :3] = R @ P[below, :3, :3]
+        got = lifted(retargeter, P)
+        assert lowest(body, got, "leftHand") > -0.01
+        ways.append(fingers(body, got, "left"))
+        assert ways[-1] @ way > -0.2  # not folded back over the arm
+    cosines = [np.clip(a @ b, -1.0, 1.0) for a, b in itertools.pairwise(ways)]
+    assert np.degrees(np.arccos(cosines)).max() < 20.0
 
 
 def test_a_body_without_hands_is_left_as_it_is(body):

@@ -123,9 +123,43 @@ def test_no_ground_is_looked_for_far_under_it(body, clip):
     np.testing.assert_array_equal(got, poses(retargeter, clip, HELD))
 
 
-def test_feet_that_stand_stay_and_those_of_somebody_who_lies_do_not(body, clip):
-    for name, upper in (("sit_on_floor", False), ("face_down", True)):
-        c = clip(name)
-        retargeter = retargeter_of(c, body)
-        poses(retargeter, c, HELD)
-        assert (retargeter.lying.upper > 0.5) is upper
+@pytest.mark.parametrize(("name", "bone"), [("kneel", "LowerLeg"), ("on_back", "hips")])
+def test_what_lies_in_the_source_lies(body, clip, name, bone):
+    """Not the toes alone: kneeling bodies stood on those, with the knees in the air."""
+    clip = clip(name)
+    T = poses(retargeter_of(clip, body), clip, HELD)[-1]
+    main = body.skin.bone[np.arange(len(body.skin.bone)), body.skin.weight.argmax(axis=1)]
+    below = {b: body.rig.below(body.rig.index(j))[main] for b, j in body.humanoid.items()}
+    if bone == "hips":
+        moved = ~(below["leftUpperLeg"] | below["rightUpperLeg"])
+    else:
+        moved = sum(below[side + bone] & ~below[f"{side}Foot"] for side in ("left", "right")) > 0
+    x = Skinner(body.skin).vertices(T)
+    assert x[moved, 2].min() < 0.06
+
+
+def test_soles_on_the_floor_stay_there_while_the_back_lies(body, clip, monkeypatch):
+    hook = {"Hips": (-90, 0, 0), "UpLeg": (-50, 0, 0), "Leg": (105, 0, 0), "Foot": (35, 0, 0)}
+    monkeypatch.setitem(exercises.POSES, "hook", hook)
+    clip = clip("hook")
+    retargeter = retargeter_of(clip, body)
+    T = poses(retargeter, clip, HELD)[-1]
+    assert retargeter.lying.lies > 0.5
+    legs, soles = retargeter.feet.legs, retargeter.feet.soles
+    at = T[soles.joint]
+    heights = (at[:, 2, :3] * soles.offset).sum(axis=1) + at[:, 2, 3]
+    stands = retargeter.feet.stands[:, 0]
+    assert stands.min() > 0.5
+    for i in range(len(legs.joints)):
+        assert heights[soles.start[i] : soles.start[i + 1]].min() < 0.02
+
+
+def test_knees_that_kneel_are_not_folded_again(body, clip):
+    clip = clip("kneel")
+    retargeter = retargeter_of(clip, body)
+    T = poses(retargeter, clip, HELD)[-1]
+    hip, knee, ankle = np.swapaxes(T[retargeter.feet.legs.joints][:, :, :3, 3], 0, 1)
+    thigh, shank = knee - hip, ankle - knee
+    cosine = (thigh * shank).sum(axis=1)
+    cosine /= np.linalg.norm(thigh, axis=1) * np.linalg.norm(shank, axis=1)
+    assert np.degrees(np.arccos(cosine)).max() < 141.0

@@ -294,8 +294,10 @@ def test_without_hands_a_handstand_stands_on_its_wrists():
     elbow = ForwardKinematics(source).from_dofs(q)[source.index("leftLowerArm")]
     q[2] -= (elbow[:3, :3] @ forearm + elbow[:3, 3])[2]
     retargeter = Retargeter(source, target, reference=SourceReference(end_sites=ends))
-    T = retargeter.world_joints(q)
+    T = retargeter.world_joints(q, 0.0)
     assert T[target.rig.index("leftHand"), 2, 3] == pytest.approx(0.0, abs=1e-3)
+    T = retargeter.world_joints(q, 0.0, ground_feet=False)
+    assert T[target.rig.index("leftHand"), 2, 3] == pytest.approx(0.18, abs=1e-3)
 
 
 def test_trunk_between_is_shared_and_missing_bones_follow():
