@@ -40,12 +40,12 @@ def test_trousers_rest_in_the_creases_of_hips_and_knees(data_file, clip, frame):
     """Without second planes, particles there go back and forth, by 3 to 8 mm, for ever.
 
     So do vertices that are shown elsewhere as long as nothing presses them, by 6 to 10 mm. Where
-    cloth comes to rest hangs on the last bits of its start: of five, most rest wholly.
+    cloth comes to rest hangs on the last bits of its start: of nine, most rest wholly.
     """
     avatar = gs.Avatar.load(str(data_file("bodies", "mh_female_young.glb")))
     outfit = avatar.dress(str(data_file("garments", "trousers_female.obj")))
     speeds, farthest = [], []
-    for start in range(5):
+    for start in range(9):
         (way,) = ways_at_rest(avatar, outfit, data_file("mocap", clip), frame, start).values()
         speeds.append(np.sqrt((way**2).mean()) / STEP)
         farthest.append(way.max())
@@ -54,9 +54,12 @@ def test_trousers_rest_in_the_creases_of_hips_and_knees(data_file, clip, frame):
 
 
 def test_garments_that_run_through_each_other_rest_with_the_body(data_file):
-    """Untangled for ever, they shake at 70 to 90 mm/s."""
+    """Untangled for ever, they shake at 70 to 90 mm/s. Median of five starts."""
     avatar = gs.Avatar.load("mannequin")
     outfit = avatar.dress("tshirt_long_skirt")
     clip = data_file("mocap", "rokoko_jesse_dance.bvh")
-    for way in ways_at_rest(avatar, outfit, clip, 300).values():
-        assert np.sqrt((way**2).mean()) / STEP < 0.03
+    speeds = [
+        [np.sqrt((way**2).mean()) / STEP for way in ways_at_rest(*of).values()]
+        for of in ((avatar, outfit, clip, 300, start) for start in range(5))
+    ]
+    assert (np.median(speeds, axis=0) < 0.03).all()
