@@ -54,7 +54,7 @@ def test_trousers_rest_in_the_creases_of_hips_and_knees(data_file, clip, frame):
 
 
 def test_garments_that_run_through_each_other_rest_with_the_body(data_file):
-    """Untangled for ever, they shake at 70 to 90 mm/s. Median of five starts."""
+    """Untangled for ever, they shake at 70 to 90 mm/s. Of five starts most are calmer than 30."""
     avatar = gs.Avatar.load("mannequin")
     outfit = avatar.dress("tshirt_long_skirt")
     clip = data_file("mocap", "rokoko_jesse_dance.bvh")
@@ -63,3 +63,4 @@ def test_garments_that_run_through_each_other_rest_with_the_body(data_file):
         for of in ((avatar, outfit, clip, 300, start) for start in range(5))
     ]
     assert (np.median(speeds, axis=0) < 0.03).all()
+    assert np.max(speeds) < 0.05
