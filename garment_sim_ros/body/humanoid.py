@@ -2,7 +2,8 @@
 
 Names are compared whole, after lower-casing and dropping separators and what all joints of the rig
 begin or end with, with one table per naming convention (`rig_names`); the convention that explains
-most joints wins. A joint that no table names stays unmapped: nothing is guessed from its position.
+most joints wins. Where none explains all limbs, the words in the names of a robot's hinges may
+(`robot_names`). A joint that neither names stays unmapped: nothing is guessed from its position.
 """
 
 import functools
@@ -14,7 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from garment_sim_ros.body.rig import Rig
 from garment_sim_ros.body.rig_names import ARM, CONVENTIONS, LEG, MIDDLE, PREFERRED, SIDES
+from garment_sim_ros.body.robot_names import TRUNK_LINK, robot_bones
 from garment_sim_ros.body.skin import HUMANOID_BONES
 from garment_sim_ros.errors import InputFileError, ParameterError
 from garment_sim_ros.plain_data import read_yaml
@@ -232,6 +235,31 @@ def humanoid_map(
                 best, rank = found, (len(found), liked)
     mapping = {bone: joint_names[joint] for bone, joint in best.items()}
     return overridden(mapping, joint_names, overrides or {})
+
+
+_LIMBS = frozenset(
+    f"{side}{part}" for side in SIDES for part in ("UpperLeg", "LowerLeg", "UpperArm", "LowerArm")
+)
+
+
+def humanoid_of_rig(rig: Rig, overrides: Mapping[str, str | None] | None = None) -> dict[str, str]:
+    """`humanoid_map` of a rig, by the names of its hinges where those of its joints say less.
+
+    Args:
+        rig: The rig; that of a URDF, whose channels have names of their own.
+        overrides: As for `humanoid_map`.
+
+    Raises:
+        ParameterError: An override names an unknown bone or joint.
+    """
+    mapping = humanoid_map(rig.joint_names, rig.parent)
+    if not {"hips", *_LIMBS} <= mapping.keys():
+        told = robot_bones(rig)
+        trunk = [told.pop(bone) for bone in list(told) if bone.startswith(TRUNK_LINK)]
+        told.update(_trunk_bones(trunk, [], {}))
+        if len(told) > len(mapping):
+            mapping = {bone: rig.joint_names[joint] for bone, joint in told.items()}
+    return overridden(mapping, rig.joint_names, overrides or {})
 
 
 def overridden(

@@ -9,9 +9,11 @@ the whole.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.body.kinematics import rest_transforms
+from garment_sim_ros.body.rig import ROTATION, Rig
 from garment_sim_ros.body.skin import Body, Skin
 from garment_sim_ros.geometry.triangles import vertex_areas
 
@@ -31,6 +33,9 @@ _MIN_SHARE = 0.015
 
 _SAME_PLACE = 1e-3
 """Joints closer than this [m] are one ball joint made of several axes."""
+
+_ONE_JOINT = 0.03
+"""So is a hinge whose axis passes its parent by less than this share of the rig's size."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,8 +70,8 @@ def major_bones(body: Body, *, also: tuple[str, ...] = ()) -> MajorBones:
     """
     carried = joint_areas(body.skin)
     named = {body.rig.index(body.humanoid[b]) for b in (*HUMAN_MAJOR, *also) if b in body.humanoid}
-    origin = rest_transforms(body.rig)[:, :3, 3]
-    last = {j: _end_of_ball_joint(j, named, body.rig.parent, origin, carried) for j in named}
+    same = _in_one_place(body.rig)
+    last = {j: _end_of_ball_joint(j, named, body.rig.parent, same, carried) for j in named}
     if len(named) >= _MIN_HUMAN_BONES:
         chosen = set(last.values())
     else:
@@ -100,17 +105,36 @@ def joint_areas(skin: Skin) -> FloatArray:
     return carried.astype(np.float64)
 
 
+def _in_one_place(rig: Rig) -> NDArray[np.bool_]:
+    """Whether each joint makes one ball joint with its parent, shape [n].
+
+    Robots have the hinge by which a thigh turns about itself some way down; its axis goes through
+    the hip all the same.
+    """
+    T = rest_transforms(rig)
+    above = T[np.maximum(rig.parent, 0), :3, 3]
+    off = above - T[:, :3, 3]
+    same = np.linalg.norm(off, axis=1) < _SAME_PLACE
+    dofs = rig.dofs
+    hinges = np.bincount(dofs.joint, minlength=len(rig)) == 1
+    near = _ONE_JOINT * float(np.ptp(T[:, :3, 3], axis=0).max())
+    for j, kind, axis in zip(dofs.joint, dofs.kind, dofs.axis, strict=True):
+        if hinges[j] and kind == ROTATION:
+            same[j] |= bool(np.linalg.norm(np.cross(T[j, :3, :3] @ axis, off[j])) < near)
+    return same & (rig.parent >= 0)
+
+
 def _end_of_ball_joint(
-    joint: int, named: set[int], parent: IntArray, origin: FloatArray, carried: FloatArray
+    joint: int,
+    named: set[int],
+    parent: IntArray,
+    same: NDArray[np.bool_],
+    carried: FloatArray,
 ) -> int:
     """The last of the joints at one place that has skin: the one that makes all the turns."""
     last = candidate = joint
     while True:
-        below = [
-            int(child)
-            for child in np.flatnonzero(parent == candidate)
-            if np.linalg.norm(origin[child] - origin[candidate]) < _SAME_PLACE
-        ]
+        below = np.flatnonzero((parent == candidate) & same).tolist()
         if len(below) != 1 or below[0] in named:
             return last
         candidate = below[0]

@@ -35,7 +35,7 @@ from garment_sim_ros.body.arms import Arms
 from garment_sim_ros.body.contact_points import contacts_of, forearm_ends
 from garment_sim_ros.body.feet import Feet
 from garment_sim_ros.body.hands import Hands
-from garment_sim_ros.body.humanoid import humanoid_map
+from garment_sim_ros.body.humanoid import humanoid_of_rig
 from garment_sim_ros.body.kinematics import ForwardKinematics, rest_transforms
 from garment_sim_ros.body.lying import Lying
 from garment_sim_ros.body.retarget_pass import (
@@ -108,7 +108,7 @@ class Retargeter:
         source = Skeleton.compare(
             "source skeleton",
             source_rig,
-            humanoid_map(source_rig.joint_names, source_rig.parent, overrides),
+            humanoid_of_rig(source_rig, overrides),
             self._kinematics.from_dofs(q, self._T_world_source).copy(),
             reference,
         )

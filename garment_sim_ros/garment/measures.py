@@ -23,8 +23,11 @@ _ARM_SLICES = 24
 # then placed on the rest pose like on any other.
 _LEAST_ARM_ANGLE = np.radians(30.0)
 _ARM_ANGLE = np.radians(45.0)
+_BENT = 0.7  # cosine of the bend of an elbow from which on an arm is not straight
 _NECK_RADIUS = 0.035  # per body height, where the skin has no neck
 _NECK_RISE = 0.015  # per body height: how far its base may be above its joint
+_NECK_SLICES = 24
+_WIDEST_NECK = 0.6  # of the way from shoulder to shoulder
 _SHORT_NECK = 0.75  # of the girth at the shoulders: what is thicker is no neck
 
 
@@ -103,6 +106,8 @@ class Measures:
             shoulder = self.joint(f"{side}UpperArm")
             axis = self.joint(f"{side}LowerArm") - shoulder
             now = np.arctan2(np.hypot(axis[0], axis[1]), -axis[2])
+            if sign * axis[1] < -abs(axis[0]):  # under the trunk
+                now = -now
             if now >= least:
                 continue
             raised = np.eye(4)
@@ -192,8 +197,11 @@ class Measures:
 
     @cached_property
     def neck(self) -> float:
-        """Height of the neck's joint [m]."""
+        """Height of the neck's joint [m]; of the head's lowest skin where that is elsewhere."""
         z = float(self.joint("neck", "head")[2])
+        skin = self.vertices[self.share("neck", "head") > 0.5, 2]
+        if self.has_arms and z < self.shoulders and skin.size:
+            z = float(skin.min())  # a robot's head is fixed to its chest anywhere
         if not z > self.pelvis > self.knee:
             raise GeometryError(
                 f"{self.body.name}: neck, hips and knees stand at {z:.3g}, {self.pelvis:.3g} and "
@@ -251,11 +259,32 @@ class Measures:
         radius = girth[i] / (2.0 * np.pi) if narrow.size else _NECK_RADIUS * self.height
         # Trapezius muscles narrow the girth late; the neck's joint is where it bends.
         height = min(0.5 * (z[i] + min(z[i], self.neck)), self.neck + _NECK_RISE * self.height)
-        s = self.trunk.at(np.array([height]))[0]
+        profile = self.trunk
+        if not narrow.size and len(self._above_neck.offset):
+            # A robot's neck has its joint inside the chest.
+            profile = self._above_neck
+            thin = np.flatnonzero(profile.girth < 0.5 * wide)
+            k = int(thin[0]) if thin.size else len(profile.offset) - 1
+            height = float(profile.offset[k])
+            if thin.size:
+                radius = profile.girth[k] / (2.0 * np.pi)
+        s = profile.at(np.array([height]))[0]
         quarter = len(s) // 4
         centre = 0.5 * np.array([s[0] - s[2 * quarter], s[quarter] - s[3 * quarter], 2.0 * height])
         half_width = 0.5 * float(s[quarter] + s[3 * quarter])
+        if profile is not self.trunk:
+            apart = self.joint("leftUpperArm")[1] - self.joint("rightUpperArm")[1]
+            half_width = min(half_width, 0.5 * _WIDEST_NECK * abs(float(apart)))
         return Neck(centre=centre, radius=float(radius), half_width=half_width)
+
+    @cached_property
+    def _above_neck(self) -> Profile:
+        """Outlines of the trunk from the neck's joint to its highest skin."""
+        top = float(self.vertices[self.trunk_share > 0.5, 2].max(initial=self.neck))
+        heights = np.linspace(self.neck, top, _NECK_SLICES)
+        skin = self.body.skin
+        share = self.trunk_share
+        return sections(self.vertices, skin.triangles, share, np.eye(4), heights).filled()
 
     @cached_property
     def arms(self) -> tuple[Arm, Arm]:
@@ -273,7 +302,11 @@ class Measures:
         first /= np.linalg.norm(first)
         frame[:3, :4] = np.column_stack([first, np.cross(axis, first), axis, shoulder])
         offsets = length * np.linspace(0.35, 0.95, _ARM_SLICES)
-        share = self.share(f"{side}UpperArm") - self.share(f"{side}Hand")
+        # A forearm that points elsewhere is no part of what goes through a sleeve.
+        hand = f"{side}Hand" if f"{side}Hand" in self.body.humanoid else f"{side}LowerArm"
+        bent = axis @ (self.joint(hand) - elbow) < _BENT * np.linalg.norm(self.joint(hand) - elbow)
+        left_out = f"{side}LowerArm" if bent else f"{side}Hand"
+        share = self.share(f"{side}UpperArm") - self.share(left_out)
         triangles = self.body.skin.triangles
         profile = sections(self.vertices, triangles, share, frame, offsets).filled()
         if not len(profile.offset):

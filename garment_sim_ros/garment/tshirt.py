@@ -46,6 +46,7 @@ _COLLAR_REACH = (
 )
 _SLEEVE_LENGTH = 0.6  # of the upper arm
 _PINHOLE = 4.0  # spacings: the longest way around a hole that is none of the four openings
+_SMALL_HOLE = 0.25
 _FIT = 0.5  # 0: follows the waist; 1: straight from the armpits to the hem
 
 # Shares of the trunk's ease.
@@ -319,16 +320,23 @@ def _without_pinches(vertices: FloatArray, triangles: IntArray) -> tuple[FloatAr
 def _without_pinholes(
     vertices: FloatArray, triangles: IntArray, longest: float
 ) -> tuple[FloatArray, IntArray]:
-    """Closes holes that are shorter around than `longest` [m], as where a neckline grazes a fold.
+    """Closes small holes, as where a neckline grazes a fold or sleeves meet the parts of a robot.
 
-    The four longest are the shirt's openings.
+    The four longest are the shirt's openings; of the others, those are closed that are shorter
+    around than `longest` [m] or than a quarter of each of the four.
     """
-    for loop in boundary_loops(triangles)[4:]:
-        corners = vertices[loop]
-        around = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).sum()
-        if around < longest:
+    loops = boundary_loops(triangles)
+    around = [_around(vertices[loop]) for loop in loops]
+    longest = max(longest, _SMALL_HOLE * min(sorted(around)[-4:], default=0.0))
+    for loop, length in list(zip(loops, around, strict=True))[4:]:
+        if length < longest:
             middle = np.full(len(loop), len(vertices))
             fan = np.stack([np.roll(loop, -1), loop, middle], axis=1).astype(np.int32)
-            vertices = np.concatenate([vertices, corners.mean(axis=0, keepdims=True)])
+            vertices = np.concatenate([vertices, vertices[loop].mean(axis=0, keepdims=True)])
             triangles = np.concatenate([triangles, fan])
     return vertices, triangles
+
+
+def _around(corners: FloatArray) -> float:
+    """Length of a closed line through points [n, 3] [m]."""
+    return float(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).sum())

@@ -38,6 +38,10 @@ def guessed_unit(height: float) -> tuple[str, float]:
     )
 
 
+TURNED = "turned so that the joints named as human stand upright and face x"
+"""What is noted of a body that was."""
+
+
 def assemble(
     name: str,
     joint_names: Sequence[str],
@@ -83,7 +87,7 @@ def assemble(
     origins = {bone: T_world_joint[index[joint], :3, 3] for bone, joint in humanoid.items()}
     R = upright_rotation(origins)
     if not np.array_equal(R, np.eye(3)):
-        notes.append("turned so that the joints named as human stand upright and face x")
+        notes.append(TURNED)
         vertices = vertices @ R.T
         T_world_joint[:, :3] = R @ T_world_joint[:, :3]
     unit, metres = guessed_unit(float(np.ptp(vertices[:, 2])))
@@ -134,17 +138,20 @@ def upright_rotation(origins: Mapping[str, FloatArray]) -> FloatArray:
         for part in ("UpperLeg", "UpperArm")
         if f"left{part}" in origins and f"right{part}" in origins
     ]
-    top = next((origins[b] for b in ("head", "neck", "upperChest", "chest") if b in origins), None)
-    if not pairs or top is None or "hips" not in origins:
+    tops = [origins[b] for b in ("head", "neck", "upperChest", "chest") if b in origins]
+    if "leftUpperArm" in origins and "rightUpperArm" in origins:
+        tops.append(0.5 * (origins["leftUpperArm"] + origins["rightUpperArm"]))
+    if not pairs or not tops or "hips" not in origins:
         return np.eye(3)
     left = pairs[0][0] - pairs[0][1]
-    up = top - origins["hips"]
+    # The farthest: a robot's head may have its joint anywhere.
+    up = max((top - origins["hips"] for top in tops), key=lambda v: float(np.abs(v).max()))
     frame = np.zeros((3, 3))
     z = int(np.argmax(np.abs(up)))
     frame[2, z] = np.sign(up[z])
     left[z] = 0.0
     y = int(np.argmax(np.abs(left)))
-    if left[y] == 0.0:
+    if left[y] == 0.0 or up[z] == 0.0:
         return np.eye(3)
     frame[1, y] = np.sign(left[y])
     frame[0] = np.cross(frame[1], frame[2])

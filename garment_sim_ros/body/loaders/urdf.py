@@ -8,13 +8,15 @@ ones, which `JointState` cannot express. Elements that are not URDF are ignored.
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from garment_sim_ros.body.humanoid import humanoid_map
+from garment_sim_ros.body.humanoid import humanoid_of_rig
 from garment_sim_ros.body.kinematics import followed_channels, rest_transforms
+from garment_sim_ros.body.loaders.assembly import TURNED, upright_rotation
 from garment_sim_ros.body.loaders.urdf_visuals import MeshFinder, rigid_skin
 from garment_sim_ros.body.loaders.urdf_xml import MAX_TEXT, numbers, origin_transform, root_element
 from garment_sim_ros.body.rig import ROTATION, TRANSLATION, Dofs, Rig
@@ -70,13 +72,21 @@ def body_from_urdf(
     """
     robot = root_element(text, source)
     rig = _rig(robot, source)
+    humanoid = humanoid_of_rig(rig, humanoid_overrides)
+    T = rest_transforms(rig)
+    R = upright_rotation({bone: T[rig.index(link), :3, 3] for bone, link in humanoid.items()})
+    turned = not np.array_equal(R, np.eye(3))
+    if turned:
+        T_parent_joint = rig.T_parent_joint.copy()
+        T_parent_joint[0, :3] = R @ T_parent_joint[0, :3]
+        rig = replace(rig, T_parent_joint=T_parent_joint)
     skin, notes = rigid_skin(robot, rig, rest_transforms(rig), MeshFinder(source))
     return Body(
         name=robot.get("name") or "robot",
         rig=rig,
         skin=skin,
-        humanoid=humanoid_map(rig.joint_names, rig.parent.tolist(), humanoid_overrides),
-        notes=notes,
+        humanoid=humanoid,
+        notes=(*notes, TURNED) if turned else notes,
     )
 
 

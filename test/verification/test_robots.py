@@ -1,0 +1,92 @@
+"""Robots as bodies: hinges, loose parts, forearms that point ahead, a head fixed anywhere."""
+
+import numpy as np
+import pytest
+from robot import robot_urdf
+
+import garment_sim_ros as gs
+from garment_sim_ros.avatar import Avatar
+from garment_sim_ros.body.kinematics import ForwardKinematics, rest_transforms
+from garment_sim_ros.body.loaders.urdf import body_from_urdf
+from garment_sim_ros.body.major_bones import major_bones
+from garment_sim_ros.colliders.fitting import fit_colliders
+from garment_sim_ros.contact.pierced import PiercedMeter
+from garment_sim_ros.garment.measures import Measures
+from garment_sim_ros.garment.tshirt import tshirt
+from garment_sim_ros.geometry.topology import boundary_loops
+from garment_sim_ros.params import ColliderOptions
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return body_from_urdf(robot_urdf())
+
+
+@pytest.fixture(scope="module")
+def avatar(robot):
+    return Avatar(robot, fit_colliders(robot, ColliderOptions()))
+
+
+@pytest.mark.parametrize(("facing", "lying"), [(np.pi, 0.0), (-np.pi / 2, 0.0), (0.0, np.pi / 2)])
+def test_a_robot_that_faces_elsewhere_is_turned(robot, facing, lying):
+    body = body_from_urdf(robot_urdf(facing=facing, lying=lying))
+    assert any("turned" in note for note in body.notes)
+    np.testing.assert_allclose(
+        rest_transforms(body.rig)[:, :3, 3], rest_transforms(robot.rig)[:, :3, 3], atol=1e-6
+    )
+    np.testing.assert_allclose(body.skin.vertices, robot.skin.vertices, atol=1e-6)
+    assert not robot.notes
+
+
+def test_colliders_follow_the_last_hinge_of_a_part(robot, avatar):
+    """Driven by its own joint states, a thigh turns about itself below the hip."""
+    bones = major_bones(robot)
+    names = dict(zip(robot.rig.dofs.names, robot.rig.dofs.joint.tolist(), strict=True))
+    yaw = robot.rig.joint_names[names["left_hip_yaw_joint"]]
+    assert yaw in bones.names
+    on_it = [c.name for c in avatar.colliders.colliders if c.bone == yaw]
+    assert on_it
+    q = np.zeros(len(robot.rig.dofs))
+    kinematics = ForwardKinematics(robot.rig)
+    before = kinematics.from_dofs(q, np.eye(4)).copy()
+    q[robot.rig.dofs.names.index("left_hip_yaw_joint")] = 0.5
+    after = kinematics.from_dofs(q, np.eye(4))
+    j = robot.rig.index(yaw)
+    np.testing.assert_allclose(before[j, :3, 3], after[j, :3, 3], atol=1e-9)
+    assert abs(after[j, 0, 0] - np.cos(0.5)) < 1e-9
+
+
+def test_measures_of_a_robot(robot):
+    measures = Measures(robot).with_arms_away()
+    # The head's joint is in the chest's origin; its skin begins 0.33 above that, the neck at 0.27.
+    assert 0.40 < measures.neck < 0.45
+    assert 0.36 < measures.neck_base.centre[2] < 0.44
+    assert measures.neck_base.half_width < 0.1
+    for arm in measures.arms:
+        assert arm.radius < 0.06  # of the upper arm, without the forearm that points ahead
+
+
+def test_a_shirt_around_a_robot_has_its_four_openings(robot):
+    shirt = tshirt(Measures(robot).with_arms_away(), vertices=1500, length=0.5, ease=0.025)
+    loops = boundary_loops(shirt.triangles)
+    assert len(loops) == 4
+    sides = sorted(float(shirt.vertices[loop, 1].mean()) for loop in loops)
+    np.testing.assert_array_equal(np.sign(np.round(sides, 1)), [-1, 0, 0, 1])
+
+
+def test_garments_stay_on_a_robot_that_walks(avatar):
+    outfit = avatar.dress("tshirt_short_skirt")
+    simulation = gs.Simulation(outfit, avatar.colliders)
+    meter = PiercedMeter(avatar.colliders)
+    for n, pose in enumerate(avatar.play("walk", rate=60)):
+        simulation.step(pose, dt=1 / 60)
+        meter.add(
+            pose, {g.name: (simulation.positions(g.name), g.triangles) for g in outfit.garments}
+        )
+        if n == 120:
+            break
+    for garment in outfit.garments:
+        health = simulation.health(garment.name)
+        assert health.resets == health.recovered == 0
+        assert simulation.positions(garment.name)[:, 2].min() > 0.3
+    assert meter.result().pierced == 0
