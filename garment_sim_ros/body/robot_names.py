@@ -131,9 +131,9 @@ def _words(name: str) -> list[str]:
 
 def _called(name: str) -> _Called:
     """What the name of a hinge says."""
-    side = part = limb = ""
+    side = part = limb = ""  # the first of each counts: a later R is a roll
     for word in _words(name):
-        of_side, of_part = _read(word, bool(side))
+        of_side, of_part = _read(word)
         side = side or of_side
         if of_part in _LIMBS:
             limb = limb or of_part
@@ -145,10 +145,10 @@ def _called(name: str) -> _Called:
     return _Called(side, part)
 
 
-def _read(word: str, sided: bool) -> _Called:
-    """Side and part that one word stands for; with ``sided`` a letter is an axis, not a side."""
+def _read(word: str) -> _Called:
+    """Side and part that one word stands for."""
     if word in _SIDES:
-        return _Called("" if sided else _SIDES[word], "")
+        return _Called(_SIDES[word], "")
     for short in (word, word[:-1] if word[-1] in _AXES else word):
         if short in _PART_OF:
             return _Called("", _PART_OF[short])

@@ -331,3 +331,20 @@ def test_close_particles_are_not_moved_from_their_side(cloth, seed, side):
     keep_to_side(one, x, v)
     np.testing.assert_array_equal(x, expected[0])
     np.testing.assert_array_equal(v, expected[1])
+
+
+@pytest.mark.parametrize("still", [0, 1])
+def test_a_garment_that_stays_takes_over_nothing(cloth, still):
+    """Nobody looks whether what stays is still good, as the inner one is while another settles."""
+    parts, triangles = sheets(cloth, 1)
+    parts[still][2][:] = 0.0
+    parts[1 - still][2][:] = 500.0
+    kept = [array.copy() for array in parts[still]]
+    parts[1 - still][1][:] = np.nan
+    (mine, other), near = parts, found(parts[0][0], parts[1][0], triangles)
+    met = meeting(mine, other, triangles, near)
+    find_close_one_way(met)
+    separate_one_way(met)
+    assert met.found[1] > 10
+    for array, before in zip(parts[still], kept, strict=True):
+        np.testing.assert_array_equal(array, before)

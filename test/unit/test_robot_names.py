@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from robot import robot_urdf
 
-from garment_sim_ros.body.humanoid import humanoid_of_rig
+from garment_sim_ros.body.humanoid import humanoid_map, humanoid_of_rig
+from garment_sim_ros.body.loaders.assembly import upright_rotation
 from garment_sim_ros.body.loaders.urdf import parse_urdf
 from garment_sim_ros.body.robot_names import robot_bones
 from garment_sim_ros.errors import ParameterError
@@ -60,6 +61,7 @@ CALLED = {
     "left-leg/hip-pitch": lambda s, p, t, k: f"{s}-{limb(p)}/{p}-{t}" if s else f"waist-{t}",
     "LLEG_HIP_P": glued,
     "l_leg_hpy": short,
+    "l_hpy": lambda s, p, t, k: f"{LETTER[s]}_{SHORT[p]}{AXIS[t]}" if s else f"back_bk{AXIS[t]}",
     "leg_left_1_joint": numbered,
     "LLEG_JOINT0": counted,
     "legl_hip0_joint": limb_first,
@@ -131,6 +133,15 @@ def test_names_that_a_convention_explains_are_left_to_it(data_file):
     """ROS4HRI calls links, not hinges."""
     rig = parse_urdf(data_file("urdf", "human_1m65.urdf").read_text())
     bones = humanoid_of_rig(rig)
+    assert bones == humanoid_map(rig.joint_names, rig.parent)
     assert bones["leftUpperLeg"] == "l_hip_human"
-    assert bones["hips"] == "body_human"
-    assert np.isin(list(bones.values()), rig.joint_names).all()
+
+
+def test_up_is_where_arms_are_if_the_head_is_fixed_to_the_hips():
+    origins = {"hips": [0, 0, 0], "head": [0, 0, 0], "leftUpperLeg": [0, 0, 0.1]}
+    origins |= {"rightUpperLeg": [0, 0, -0.1]}
+    origins |= {"leftUpperArm": [0, 0.5, 0.2], "rightUpperArm": [0, 0.5, -0.2]}
+    R = upright_rotation({bone: np.array(x, float) for bone, x in origins.items()})
+    np.testing.assert_array_equal(
+        R, [[1, 0, 0], [0, 0, 1], [0, 1, 0]] * np.array([[-1], [1], [1]])
+    )

@@ -60,7 +60,7 @@ def test_measures_of_a_robot(robot):
     measures = Measures(robot).with_arms_away()
     # The head's joint is in the chest's origin; its skin begins 0.33 above that, the neck at 0.27.
     assert 0.40 < measures.neck < 0.45
-    assert 0.36 < measures.neck_base.centre[2] < 0.44
+    assert 0.36 < measures.neck_base.centre[2] < 0.40
     assert measures.neck_base.half_width < 0.1
     for arm in measures.arms:
         assert arm.radius < 0.06  # of the upper arm, without the forearm that points ahead

@@ -18,6 +18,8 @@ _RELIEF = np.float32(0.25)
 """Patience that comes back where a particle is on its side, as a share of what it cost."""
 _ALIKE = np.float32(0.5)
 """Cosine of the angle between two garments above which neither is wrinkled where they meet."""
+_STILL = np.float32(1e-24)
+"""Square of a slip that is none [m^2/s^2]."""
 _FAST = np.float32(5.0 * SEPARATING_SPEED)
 """Particles faster than this [m/s] may come free by themselves, and are parted anew."""
 
@@ -247,7 +249,7 @@ def separate_one_way(meeting):
         ux -= along * nx
         uy -= along * ny
         uz -= along * nz
-        slip = np.sqrt(ux * ux + uy * uy + uz * uz)
+        slip = np.sqrt(max(ux * ux + uy * uy + uz * uz, _STILL))
         closing = max(-along, zero)
         limit = friction * closing
         held = np.float32(1.0) if slip <= limit else limit / slip
@@ -256,19 +258,22 @@ def separate_one_way(meeting):
         jy = (closing * ny - held * uy) / total
         jz = (closing * nz - held * uz) / total
         push = min(depth, left * way[0]) / total
-        x[p, 0] += wp * push * nx
-        x[p, 1] += wp * push * ny
-        x[p, 2] += wp * push * nz
-        v[p, 0] += wp * jx
-        v[p, 1] += wp * jy
-        v[p, 2] += wp * jz
+        # What stays is not written to: nobody looks whether it is still good.
+        if wp > zero:
+            x[p, 0] += wp * push * nx
+            x[p, 1] += wp * push * ny
+            x[p, 2] += wp * push * nz
+            v[p, 0] += wp * jx
+            v[p, 1] += wp * jy
+            v[p, 2] += wp * jz
         for m, w in ((i, wa), (j, wb), (k, wc)):
-            other_x[m, 0] -= w * push * nx
-            other_x[m, 1] -= w * push * ny
-            other_x[m, 2] -= w * push * nz
-            other_v[m, 0] -= w * jx
-            other_v[m, 1] -= w * jy
-            other_v[m, 2] -= w * jz
+            if w > zero:
+                other_x[m, 0] -= w * push * nx
+                other_x[m, 1] -= w * push * ny
+                other_x[m, 2] -= w * push * nz
+                other_v[m, 0] -= w * jx
+                other_v[m, 1] -= w * jy
+                other_v[m, 2] -= w * jz
         _part_firmly(meeting, n, depth - push * total)
     found[1] = touched
 
