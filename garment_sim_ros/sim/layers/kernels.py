@@ -158,6 +158,18 @@ def find_close_one_way(meeting):
 
 
 @lean_kernel(inner=True)
+def _move(x, v, p, w, push, normal, impulse):
+    """Moves particle p along a normal, and gives it an impulse, by its inverse mass w.
+
+    What stays is not written to: nobody looks whether it is still good.
+    """
+    if w > np.float32(0.0):
+        for k in range(3):
+            x[p, k] += w * push * normal[k]
+            v[p, k] += w * impulse[k]
+
+
+@lean_kernel(inner=True)
 def _part_firmly(meeting, n, depth):
     """Moves the outer garment away from the inner one, which the body holds, at what is close.
 
@@ -258,22 +270,10 @@ def separate_one_way(meeting):
         jy = (closing * ny - held * uy) / total
         jz = (closing * nz - held * uz) / total
         push = min(depth, left * way[0]) / total
-        # What stays is not written to: nobody looks whether it is still good.
-        if wp > zero:
-            x[p, 0] += wp * push * nx
-            x[p, 1] += wp * push * ny
-            x[p, 2] += wp * push * nz
-            v[p, 0] += wp * jx
-            v[p, 1] += wp * jy
-            v[p, 2] += wp * jz
+        normal, impulse, back = (nx, ny, nz), (jx, jy, jz), (-jx, -jy, -jz)
+        _move(x, v, p, wp, push, normal, impulse)
         for m, w in ((i, wa), (j, wb), (k, wc)):
-            if w > zero:
-                other_x[m, 0] -= w * push * nx
-                other_x[m, 1] -= w * push * ny
-                other_x[m, 2] -= w * push * nz
-                other_v[m, 0] -= w * jx
-                other_v[m, 1] -= w * jy
-                other_v[m, 2] -= w * jz
+            _move(other_x, other_v, m, w, -push, normal, back)
         _part_firmly(meeting, n, depth - push * total)
     found[1] = touched
 
