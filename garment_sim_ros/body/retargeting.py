@@ -48,6 +48,7 @@ from garment_sim_ros.body.retarget_pass import (
     turn_joints,
 )
 from garment_sim_ros.body.rig import ROTATION, TRANSLATION, Rig
+from garment_sim_ros.body.robot_names import last_hinges
 from garment_sim_ros.body.skeleton import Skeleton
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.body.tucks import Tucks
@@ -230,8 +231,10 @@ class Retargeter:
 
     def _drive(self, pairs: list[tuple[str, str]], source: Skeleton, rest: Skeleton) -> None:
         """Constant rotations from source to target joints."""
+        last = last_hinges(source.rig)
         for source_bone, target_bone in pairs:
             s, t = source.bones[source_bone], rest.bones[target_bone]
+            s = last.get(s, s)  # of a robot: where its bone is, not all of its turns are made
             if source_bone in source.frames and target_bone in rest.frames:
                 F_s, F_t = source.frames[source_bone], rest.frames[target_bone]
             else:  # a bone whose direction one of the two does not show

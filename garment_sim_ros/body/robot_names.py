@@ -34,7 +34,12 @@ _PARTS = {
     "arm": "arm",
 }
 _PART_OF = {word: part for part, words in _PARTS.items() for word in words.split()}
+_MIDDLE = ("trunk", "neck", "head")
 _AXES = "xyz"
+_WITH_AXIS = ("hp", "kn", "ak", "sh", "el", "wr", "bk")
+"""Words that the letter of an axis may follow."""
+_GLUED = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist", "leg", "arm")
+"""Words that a side may precede; those of limbs may also have it after them."""
 _LIMBS = {
     "leg": {6: "hip hip hip knee ankle ankle"},
     "arm": {
@@ -48,6 +53,9 @@ _LIMBS = {
 _NEAR = 0.01
 """Distance within which hinges are in one place, as a share of the rig's size."""
 _LITTLE = 1e-3
+"""Weight of the hinges' origins against their axes, which say nothing along parallel ones."""
+_MOST_HINGES = 256
+"""A robot with more has no names that are worth the time."""
 _ENDS = {
     "hand": "hand wrist palm gripper",
     "foot": "foot sole ankle",
@@ -64,7 +72,6 @@ _BONES = {
     "elbow": "LowerArm",
     "wrist": "Hand",
 }
-
 
 TRUNK_LINK = "trunk"
 """What the links of a trunk are called, before their number from the hips up."""
@@ -85,23 +92,20 @@ def robot_bones(rig: Rig) -> dict[str, int]:
 
     Returns:
         Bone, without those of the trunk, to joint; and the links of the trunk that turn, from the
-        hips up, as ``trunk0``, ``trunk1`` ... Empty unless both legs or both arms are told.
+        hips up, as ``trunk0``, ``trunk1`` ... Empty unless hips and knees, or shoulders and
+        elbows, of both sides are told.
     """
-    moved_by = _names_of_hinges(rig)
+    called = _all_called(rig)
+    rows = _rows(rig, called)
     T = rest_transforms(rig)
-    called = {j: _called(name) for j, name in moved_by.items()}
-    _number(called, rig)
-    found: dict[str, int] = {}
-    first: dict[str, list[int]] = {"hip": [], "shoulder": []}
+    found = {bone: _middle(rig, T, joints) for bone, joints in rows.items()}
     for side in ("left", "right"):
-        for limb in (("hip", "knee", "ankle"), ("collar", "shoulder", "elbow", "wrist")):
-            parts = {part: [j for j, c in called.items() if c == (side, part)] for part in limb}
-            for part, joints in _in_a_row(parts, rig).items():
-                found[side + _BONES[part]] = _middle(rig, T, joints)
-                if part in first:
-                    first[part].append(joints[0])
-            _ends(found, rig, side)
-    tops = {part: _common(rig, joints) for part, joints in first.items() if len(joints) == 2}
+        _ends(found, rig, side)
+    tops = {}
+    for part in ("hip", "shoulder"):
+        first = [joints[0] for bone, joints in rows.items() if bone.endswith(_BONES[part])]
+        if len(first) == 2:
+            tops[part] = _common(rig, first)
     if not tops:
         return {}
     if "hip" in tops:
@@ -109,6 +113,42 @@ def robot_bones(rig: Rig) -> dict[str, int]:
     found.update(_trunk(rig, tops, called))
     found.update(_head(rig, tops, called))
     return found
+
+
+def last_hinges(rig: Rig) -> dict[int, int]:
+    """The last hinge of the part of each bone of `robot_bones`: it makes all the part's turns.
+
+    Args:
+        rig: As for `robot_bones`.
+
+    Returns:
+        Joint of a bone to joint of that hinge.
+    """
+    T = rest_transforms(rig)
+    rows = _rows(rig, _all_called(rig)).values()
+    return {_middle(rig, T, joints): joints[-1] for joints in rows}
+
+
+def _all_called(rig: Rig) -> dict[int, _Called]:
+    """What the name of each hinge says; nothing where there are too many."""
+    moved_by = _names_of_hinges(rig)
+    if len(moved_by) > _MOST_HINGES:
+        return {}
+    called = {j: _called(name) for j, name in moved_by.items()}
+    _number(called, rig)
+    return called
+
+
+def _rows(rig: Rig, called: Mapping[int, _Called]) -> dict[str, list[int]]:
+    """The hinges of each part of the limbs in a row, by the part's bone."""
+    rows: dict[str, list[int]] = {}
+    for side in ("left", "right"):
+        for limb in (("hip", "knee", "ankle"), ("collar", "shoulder", "elbow", "wrist")):
+            parts = {part: [j for j, c in called.items() if c == (side, part)] for part in limb}
+            row = _in_a_row(parts, rig)
+            if {"knee", "elbow"} & row.keys():
+                rows.update((side + _BONES[part], joints) for part, joints in row.items())
+    return rows
 
 
 def _names_of_hinges(rig: Rig) -> dict[int, str]:
@@ -131,34 +171,35 @@ def _words(name: str) -> list[str]:
 
 def _called(name: str) -> _Called:
     """What the name of a hinge says."""
-    side = part = limb = ""  # the first of each counts: a later R is a roll
-    for word in _words(name):
-        of_side, of_part = _read(word)
-        side = side or of_side
-        if of_part in _LIMBS:
-            limb = limb or of_part
-        else:
-            part = part or of_part
-    part = part or limb
-    if (part in _BONES or part in _LIMBS) != bool(side):
-        return _Called("", part) if part in ("trunk", "neck", "head") else _Called("", "")
-    return _Called(side, part)
+    words = _words(name)
+    said = [_read(word) for word in words]
+    # A word for a side goes before a letter; of those the first counts: a later R is a roll.
+    sides = [_SIDES[word] for word in words if word in ("left", "right")]
+    side = next((s for s in (*sides, *(of.side for of in said)) if s), "")
+    if "to" in words:  # of a hinge between two, the second one is what it turns
+        said = said[words.index("to") + 1 :]
+    numbered = any(word.isdigit() for word in words)
+    limb = [of.part for of in said if of.part in _BONES]
+    limb += [of.part for of in said if of.part in _LIMBS and numbered]
+    if side and limb:
+        return _Called(side, limb[0])
+    return _Called("", next((of.part for of in said if of.part in _MIDDLE), ""))
 
 
 def _read(word: str) -> _Called:
     """Side and part that one word stands for."""
     if word in _SIDES:
         return _Called(_SIDES[word], "")
-    for short in (word, word[:-1] if word[-1] in _AXES else word):
-        if short in _PART_OF:
-            return _Called("", _PART_OF[short])
+    if word in _PART_OF:
+        return _Called("", _PART_OF[word])
+    if word[:-1] in _WITH_AXIS and word[-1] in _AXES:
+        return _Called("", _PART_OF[word[:-1]])
     for spelled, side in _SIDES.items():
-        for rest, there in (
-            (word.removeprefix(spelled), word.startswith(spelled)),
-            (word.removesuffix(spelled), word.endswith(spelled)),
-        ):
-            if there and len(rest) > 2 and rest in _PART_OF:
-                return _Called(side, _PART_OF[rest])
+        before, after = word.removeprefix(spelled), word.removesuffix(spelled)
+        if before != word and before in _GLUED:
+            return _Called(side, _PART_OF[before])
+        if after != word and after in _LIMBS:
+            return _Called(side, after)
     return _Called("", "")
 
 
@@ -169,8 +210,7 @@ def _number(called: dict[int, _Called], rig: Rig) -> None:
             row = [j for j, c in called.items() if c == (side, limb)]
             names = parts.get(len(row), "").split()
             for k, j in enumerate(row):
-                in_a_row = k == 0 or row[k - 1] in _above(rig, j)
-                if names and in_a_row:
+                if names and (k == 0 or row[k - 1] in _above(rig, j)):
                     called[j] = _Called(side, names[k])
                 else:
                     called[j] = _Called("", "")
@@ -268,7 +308,7 @@ def _head(rig: Rig, tops: Mapping[str, int], called: Mapping[int, _Called]) -> d
     if len(turning) > 1:
         return {"neck": turning[0], "head": turning[-1]}
     if turning:
-        return {"neck" if of["neck"] else "head": turning[0]}
+        return {"head": turning[0]}  # whatever it is called, it carries the head
     ends = {
         bone: _first_called(rig, np.flatnonzero(below).tolist(), _ENDS[bone])
         for bone in ("neck", "head")

@@ -106,7 +106,7 @@ class Measures:
             shoulder = self.joint(f"{side}UpperArm")
             axis = self.joint(f"{side}LowerArm") - shoulder
             now = np.arctan2(np.hypot(axis[0], axis[1]), -axis[2])
-            if sign * axis[1] < -abs(axis[0]):  # under the trunk
+            if sign * axis[1] < -abs(axis[0]) and axis[2] < 0.0:  # inwards, under the trunk
                 now = -now
             if now >= least:
                 continue
@@ -197,11 +197,11 @@ class Measures:
 
     @cached_property
     def neck(self) -> float:
-        """Height of the neck's joint [m]; of the head's lowest skin where that is elsewhere."""
+        """Height of the neck's joint [m]; of the head's lowest skin where it is under the arms."""
         z = float(self.joint("neck", "head")[2])
         skin = self.vertices[self.share("neck", "head") > 0.5, 2]
         if self.has_arms and z < self.shoulders and skin.size:
-            z = float(skin.min())  # a robot's head is fixed to its chest anywhere
+            z = max(z, float(skin.min()))  # a robot's head is fixed to its chest anywhere
         if not z > self.pelvis > self.knee:
             raise GeometryError(
                 f"{self.body.name}: neck, hips and knees stand at {z:.3g}, {self.pelvis:.3g} and "
@@ -260,7 +260,7 @@ class Measures:
         # Trapezius muscles narrow the girth late; the neck's joint is where it bends.
         height = min(0.5 * (z[i] + min(z[i], self.neck)), self.neck + _NECK_RISE * self.height)
         profile = self.trunk
-        if not narrow.size and len(self._above_neck.offset):
+        if not narrow.size and len(self.body.rig.dofs) and len(self._above_neck.offset):
             # A robot's neck has its joint inside the chest.
             profile = self._above_neck
             thin = np.flatnonzero(profile.girth < 0.5 * wide)
@@ -281,7 +281,7 @@ class Measures:
     def _above_neck(self) -> Profile:
         """Outlines of the trunk from the neck's joint to its highest skin."""
         top = float(self.vertices[self.trunk_share > 0.5, 2].max(initial=self.neck))
-        heights = np.linspace(self.neck, top, _NECK_SLICES)
+        heights = np.linspace(self.neck, top, _NECK_SLICES if top > self.neck else 0)
         skin = self.body.skin
         share = self.trunk_share
         return sections(self.vertices, skin.triangles, share, np.eye(4), heights).filled()

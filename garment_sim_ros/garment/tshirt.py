@@ -46,7 +46,7 @@ _COLLAR_REACH = (
 )
 _SLEEVE_LENGTH = 0.6  # of the upper arm
 _PINHOLE = 4.0  # spacings: the longest way around a hole that is none of the four openings
-_SMALL_HOLE = 0.25
+_SMALL_HOLE = 0.25  # of the shortest opening: what is shorter around is none
 _FIT = 0.5  # 0: follows the waist; 1: straight from the armpits to the hem
 
 # Shares of the trunk's ease.
@@ -325,11 +325,11 @@ def _without_pinholes(
     The four longest are the shirt's openings; of the others, those are closed that are shorter
     around than `longest` [m] or than a quarter of each of the four.
     """
-    loops = boundary_loops(triangles)
-    around = [_around(vertices[loop]) for loop in loops]
-    longest = max(longest, _SMALL_HOLE * min(sorted(around)[-4:], default=0.0))
-    for loop, length in list(zip(loops, around, strict=True))[4:]:
-        if length < longest:
+    loops = sorted(boundary_loops(triangles), key=lambda loop: -_around(vertices[loop]))
+    if len(loops) > 4:
+        longest = max(longest, _SMALL_HOLE * _around(vertices[loops[3]]))
+    for loop in loops[4:]:
+        if _around(vertices[loop]) < longest:
             middle = np.full(len(loop), len(vertices))
             fan = np.stack([np.roll(loop, -1), loop, middle], axis=1).astype(np.int32)
             vertices = np.concatenate([vertices, vertices[loop].mean(axis=0, keepdims=True)])

@@ -86,6 +86,47 @@ def test_names_of_hinges_tell_all_limbs(name):
     assert bones == {"head": "head_link"} | numbered_links
 
 
+def hinge_names(*names):
+    """The bones of a robot one of whose knees, and whose waist, are called so."""
+    knee, waist = names
+
+    def name(side, part, turn, k):
+        if side == "left" and part == "knee":
+            return knee
+        return waist if not side and k == 0 else f"{side}_{part}_{turn}".strip("_")
+
+    rig = parse_urdf(robot_urdf(name))
+    return {bone: rig.joint_names[j] for bone, j in robot_bones(rig).items()}
+
+
+@pytest.mark.parametrize(
+    "knee",
+    ["knee_r_left", "torso_left_knee", "left_hip_to_knee", "hip_to_left_knee", "lknee"],
+)
+def test_words_that_say_more_than_one_thing(knee):
+    assert hinge_names(knee, "waist_yaw")["leftLowerLeg"] == "link7"
+
+
+@pytest.mark.parametrize(
+    "knee", ["kneel_joint", "left_kneepad", "knee", "any_left_joint", "rank_2", "left_leg_pitch"]
+)
+def test_words_that_only_look_like_parts(knee):
+    """Without its knee a left leg is none, and legs are told on both sides or not at all."""
+    bones = hinge_names(knee, "waist_yaw")
+    assert "hips" not in bones
+    assert not any("Leg" in bone and bone.startswith("left") for bone in bones)
+
+
+def test_more_hinges_than_robots_have_are_left_alone():
+    links = "".join(f'<link name="l{k}"/>' for k in range(400))
+    joints = "".join(
+        f'<joint name="left_hip_{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
+        '<axis xyz="0 1 0"/><limit lower="-1" upper="1"/></joint>'
+        for k in range(399)
+    )
+    assert robot_bones(parse_urdf(f'<robot name="x">{links}{joints}</robot>')) == {}
+
+
 def test_a_part_is_where_its_axes_meet():
     """The hinge by which a thigh turns about itself is half-way down to the knee."""
     rig = parse_urdf(robot_urdf())
@@ -108,15 +149,15 @@ def test_nothing_is_guessed(name):
 
 
 def test_a_name_on_the_other_limb_does_not_count():
-    """A knee that hangs on no hip of its side is none."""
+    """A knee that hangs on no hip of its side is none; and without knees there are no legs."""
 
     def swapped(side, part, turn, k):
         other = {"left": "right", "right": "left"}
         return f"{other[side] if part == 'knee' else side}_{part}_{turn}".strip("_")
 
     bones = robot_bones(parse_urdf(robot_urdf(swapped)))
-    assert not {"leftLowerLeg", "rightLowerLeg"} & bones.keys()
-    assert {"leftUpperLeg", "rightUpperLeg", "leftUpperArm"} <= bones.keys()
+    assert not any("Leg" in bone for bone in bones)
+    assert {"leftUpperArm", "rightLowerArm"} <= bones.keys()
 
 
 def test_overrides_win():

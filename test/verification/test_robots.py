@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 from robot import robot_urdf
+from scipy.spatial.transform import Rotation
 
 import garment_sim_ros as gs
 from garment_sim_ros.avatar import Avatar
 from garment_sim_ros.body.kinematics import ForwardKinematics, rest_transforms
-from garment_sim_ros.body.loaders.urdf import body_from_urdf
+from garment_sim_ros.body.loaders.urdf import body_from_urdf, parse_urdf
 from garment_sim_ros.body.major_bones import major_bones
+from garment_sim_ros.body.mannequin.mannequin import mannequin
+from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.contact.pierced import PiercedMeter
 from garment_sim_ros.garment.measures import Measures
@@ -54,6 +57,20 @@ def test_colliders_follow_the_last_hinge_of_a_part(robot, avatar):
     j = robot.rig.index(yaw)
     np.testing.assert_allclose(before[j, :3, 3], after[j, :3, 3], atol=1e-9)
     assert abs(after[j, 0, 0] - np.cos(0.5)) < 1e-9
+
+
+@pytest.mark.parametrize("turn", ["pitch", "roll", "yaw"])
+def test_an_avatar_makes_all_turns_of_a_robot_that_drives_it(turn):
+    source, target = parse_urdf(robot_urdf()), mannequin()
+    retargeter = Retargeter(source, target)
+    thigh = target.rig.index(target.humanoid["leftUpperLeg"])
+    q = np.zeros(len(source.dofs))
+    before = retargeter.world_joints(q)[thigh, :3, :3].copy()
+    q[source.dofs.names.index(f"left_hip_{turn}_joint")] = 0.4
+    after = retargeter.world_joints(q)[thigh, :3, :3]
+    axis = {"pitch": [0, 1, 0], "roll": [1, 0, 0], "yaw": [0, 0, 1]}[turn]
+    turned = Rotation.from_rotvec(0.4 * np.array(axis)).as_matrix()
+    np.testing.assert_allclose(after, turned @ before, atol=1e-6)
 
 
 def test_measures_of_a_robot(robot):
