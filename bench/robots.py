@@ -16,11 +16,13 @@ import numpy as np
 
 import garment_sim_ros as gs
 from garment_sim_ros.contact.pierced import PiercedMeter
+from garment_sim_ros.recording.metrics import GarmentMesh
 
 
 def measure(avatar: gs.Avatar, outfit: gs.Outfit, clip: str, seconds: float) -> str:
     """A row of the table, after the robot's name."""
     simulation = gs.Simulation(outfit, avatar.colliders)
+    meshes = {garment.name: GarmentMesh.of(garment) for garment in outfit.garments}
     meter, steps, high, longest = PiercedMeter(avatar.colliders), [], [], []
     for n, pose in enumerate(avatar.play(gs.load_clip(clip), rate=60)):
         if n >= 60.0 * seconds:
@@ -30,7 +32,7 @@ def measure(avatar: gs.Avatar, outfit: gs.Outfit, clip: str, seconds: float) -> 
         steps.append(time.perf_counter() - start)
         shown = {g.name: (simulation.positions(g.name), g.triangles) for g in outfit.garments}
         meter.add(pose, shown)
-        excess = np.concatenate([_excess(g, shown[g.name][0]) for g in outfit.garments])
+        excess = np.concatenate([mesh.strain(shown[name][0]) for name, mesh in meshes.items()])
         high.append(np.percentile(excess, 95.0))
         longest.append(excess.max())
     health = [simulation.health(garment.name) for garment in outfit.garments]
@@ -39,18 +41,6 @@ def measure(avatar: gs.Avatar, outfit: gs.Outfit, clip: str, seconds: float) -> 
         f"{Path(clip).stem} | {meter.result().pierced} of {len(steps)} | {np.mean(high):.1%}, "
         f"{np.max(longest):.0%} | {wound}, {put} | {1e3 * np.median(steps):.1f} ms |"
     )
-
-
-def _excess(garment: gs.Garment, x: np.ndarray) -> np.ndarray:
-    """How much longer edges are than at rest, as a share of that."""
-    t = garment.triangles
-    edges = np.unique(np.sort(np.concatenate([t[:, :2], t[:, 1:], t[:, ::2]]), axis=1), axis=0)
-    rest = garment.vertices if garment.rest is None else garment.rest
-    now, then = (
-        np.linalg.norm(np.asarray(y)[edges[:, 1]] - np.asarray(y)[edges[:, 0]], axis=1)
-        for y in (x, rest)
-    )
-    return np.asarray(now / then - 1.0)
 
 
 def main() -> None:

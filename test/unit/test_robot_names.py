@@ -86,14 +86,13 @@ def test_names_of_hinges_tell_all_limbs(name):
     assert bones == {"head": "head_link"} | numbered_links
 
 
-def hinge_names(*names):
-    """The bones of a robot one of whose knees, and whose waist, are called so."""
-    knee, waist = names
+def bones_with(knee):
+    """The bones of a robot whose left knee is called so."""
 
     def name(side, part, turn, k):
         if side == "left" and part == "knee":
             return knee
-        return waist if not side and k == 0 else f"{side}_{part}_{turn}".strip("_")
+        return f"{side}_{part}_{turn}".strip("_")
 
     rig = parse_urdf(robot_urdf(name))
     return {bone: rig.joint_names[j] for bone, j in robot_bones(rig).items()}
@@ -104,7 +103,7 @@ def hinge_names(*names):
     ["knee_r_left", "torso_left_knee", "left_hip_to_knee", "hip_to_left_knee", "lknee"],
 )
 def test_words_that_say_more_than_one_thing(knee):
-    assert hinge_names(knee, "waist_yaw")["leftLowerLeg"] == "link7"
+    assert bones_with(knee)["leftLowerLeg"] == "link7"
 
 
 @pytest.mark.parametrize(
@@ -112,7 +111,7 @@ def test_words_that_say_more_than_one_thing(knee):
 )
 def test_words_that_only_look_like_parts(knee):
     """Without its knee a left leg is none, and legs are told on both sides or not at all."""
-    bones = hinge_names(knee, "waist_yaw")
+    bones = bones_with(knee)
     assert "hips" not in bones
     assert not any("Leg" in bone and bone.startswith("left") for bone in bones)
 

@@ -55,11 +55,11 @@ def test_trousers_rest_in_the_creases_of_hips_and_knees(data_file, clip, frame):
     """Without second planes, particles there go back and forth, by 3 to 8 mm, for ever.
 
     So do vertices that are shown elsewhere as long as nothing presses them, by 6 to 10 mm. Where
-    cloth comes to rest hangs on the last bits of its start: of three, the calmest counts here.
+    cloth comes to rest hangs on the last bits of its start: of four, one rests wholly at least.
     """
-    speeds, farthest = trousers_at_rest(data_file, clip, frame, 3)
+    speeds, farthest = trousers_at_rest(data_file, clip, frame, 4)
     assert min(speeds) < 0.003
-    assert min(farthest) < 0.0015
+    assert min(farthest) < 0.001
 
 
 @pytest.mark.slow
@@ -84,7 +84,9 @@ def tangled_at_rest(data_file, starts):
 
 def test_garments_that_run_through_each_other_rest_with_the_body(data_file):
     """Untangled for ever, they shake at 70 to 90 mm/s."""
-    assert np.max(tangled_at_rest(data_file, 1)) < 0.05
+    speeds = tangled_at_rest(data_file, 2)
+    assert (np.min(speeds, axis=0) < 0.03).all()
+    assert np.max(speeds) < 0.05
 
 
 @pytest.mark.slow
