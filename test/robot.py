@@ -29,7 +29,7 @@ link, radius, length between its ends [m]. Left; across is mirrored."""
 _AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
 
 
-def robot_urdf(name=None, *, facing=0.0, lying=0.0):
+def robot_urdf(name=None, *, facing=0.0, lying=0.0, head="head_link", head_axis=None):
     """A URDF.
 
     Args:
@@ -37,6 +37,8 @@ def robot_urdf(name=None, *, facing=0.0, lying=0.0):
             for names as ``left_hip_pitch_joint``. Links have numbers only.
         facing: Angle by which the robot is turned about the vertical in its root [rad].
         lying: Angle by which it is turned about its root's y axis [rad].
+        head: Name of the head's link; "" for a head that is a shape of the chest.
+        head_axis: Axis of its hinge; None for one that is fixed.
     """
     name = name or (lambda side, part, turn, k: f"{side}_{part}_{turn}_joint".lstrip("_"))
     links, joints, number = [], [], itertools.count()
@@ -59,10 +61,16 @@ def robot_urdf(name=None, *, facing=0.0, lying=0.0):
     joint(root, pelvis, "base", (0, 0, 0), rpy=f"0 {lying} {facing}")
     waist = link(_capsule((0.0, 0.0, 0.03), 0.07, 0.06, "0 0 0"))
     joint(pelvis, waist, name("", "waist", "yaw", 0), (0, 0, 0.06), "z")
-    chest = link(_box((0.0, 0.0, 0.14), (0.18, 0.24, 0.26)), _capsule((0, 0, 0.3), 0.045, 0.06))
+    top = _box((0.02, 0.0, 0.42), (0.16, 0.14, 0.18))
+    chest = link(
+        _box((0.0, 0.0, 0.14), (0.18, 0.24, 0.26)),
+        _capsule((0, 0, 0.3), 0.045, 0.06),
+        *(() if head else (top,)),
+    )
     joint(waist, chest, name("", "waist", "pitch", 1), (0, 0, 0.04), "y")
-    links.append(("head_link", (_box((0.02, 0.0, 0.42), (0.16, 0.14, 0.18)),)))
-    joint(chest, "head_link", "head_fixed", (0, 0, 0))
+    if head:
+        links.append((head, (top,)))
+        joint(chest, head, f"{head}_joint", (0, 0, 0), head_axis)
     for side, sign in SIDES:
         for limb, start in ((LEG, pelvis), (ARM, chest)):
             above = start

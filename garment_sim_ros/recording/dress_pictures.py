@@ -140,7 +140,10 @@ def text_font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 def view_of(surfaces: Sequence[Surface], cloth: FloatArray, degrees: float) -> NDArray[np.uint8]:
-    """A picture of what is worn from a direction about the vertical."""
+    """A picture of what is worn from a direction about the vertical.
+
+    The floor is at the lowest point where that is below 0, as of a robot whose root is its hips.
+    """
     low, high = cloth.min(axis=0), cloth.max(axis=0)
     middle = 0.5 * (low + high)
     half = 0.5 * _MARGIN * (high - low)
@@ -148,7 +151,9 @@ def view_of(surfaces: Sequence[Surface], cloth: FloatArray, degrees: float) -> N
     away = max(float(half[2]), across) / math.tan(0.5 * _FIELD) + float(half.max())
     a = math.radians(degrees)
     eye = middle + away * np.array([math.cos(a), math.sin(a), 0.1])
-    return render(surfaces, Camera(position=eye, target=middle, field_of_view=_FIELD), *SIZE)
+    floor = min(0.0, *(float(s.vertices[:, 2].min()) for s in surfaces if len(s.vertices)))
+    camera = Camera(position=eye, target=middle, field_of_view=_FIELD)
+    return render(surfaces, camera, *SIZE, floor=floor)
 
 
 def _strain_surfaces(made: Made) -> list[Surface]:

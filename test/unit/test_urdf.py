@@ -196,7 +196,13 @@ BOMB = (
         (tree(joint("a", "b", '<origin xyz="0 1"/>')), "3 finite numbers"),
         (tree(joint("a", "b", '<origin rpy="0 1 ${pi}"/>')), "3 finite numbers"),
         (tree(joint("a", "b", '<limit lower="inf"/>')), "1 finite numbers"),
-        (tree(joint("a", "b", '<mimic joint="x"/>')), "mimics 'x'"),
+        (
+            tree(
+                joint("a", "b", '<mimic joint="k"/>') + joint("b", "c", kind="fixed", name="k"),
+                "abc",
+            ),
+            "mimics 'k'",
+        ),
         (tree(joint("a", "b", '<mimic joint="j"/>')), "mimics itself"),
     ],
 )
@@ -212,13 +218,42 @@ def test_unusable_descriptions_are_one_clear_error(text, problem):
         ("", "no visual geometry"),
         ("<visual/>", "without geometry"),
         ("<visual><geometry><cone/></geometry></visual>", "<cone>"),
-        ('<visual><geometry><sphere radius="0"/></geometry></visual>', "1e-06 to 100 m"),
+        ('<visual><geometry><sphere radius="-1"/></geometry></visual>', "1e-06 to 100 m"),
+        ('<visual><geometry><sphere radius="0"/></geometry></visual>', "no visual geometry"),
+        ('<visual><geometry><capsule radius="1" length="0"/></geometry></visual>', "1e-06 to"),
         ('<visual><geometry><box size="1 1 1e9"/></geometry></visual>', "to 100 m"),
     ],
 )
 def test_unusable_shapes_are_one_clear_error(shape, problem):
     with pytest.raises(InputFileError, match=problem):
         body_from_urdf(f'<robot name="r"><link name="a">{shape}</link></robot>')
+
+
+@pytest.mark.parametrize(
+    "shape",
+    ['<sphere radius="0.0"/>', '<box size="1 0 1"/>', '<cylinder radius="1" length="0"/>'],
+)
+def test_shapes_without_a_volume_are_left_out(shape):
+    ball = '<visual><geometry><sphere radius="1"/></geometry></visual>'
+    plain, more = (
+        body_from_urdf(f'<robot name="r"><link name="a">{ball}{other}</link></robot>')
+        for other in ("", f"<visual><geometry>{shape}</geometry></visual>")
+    )
+    np.testing.assert_array_equal(plain.skin.vertices, more.skin.vertices)
+    assert more.notes == ("shapes without a volume, left out: 1",)
+
+
+def test_a_joint_that_mimics_nothing_moves_by_its_own_name():
+    text = (
+        '<robot name="r"><link name="a"/>'
+        '<link name="b"><visual><geometry><sphere radius="1"/></geometry></visual></link>'
+        f"""{joint("a", "b", '<mimic joint="x"/>')}</robot>"""
+    )
+    body = body_from_urdf(text)
+    assert body.notes == ("joints that mimic one that is not there move freely: j",)
+    q = np.array([0.3])
+    T = ForwardKinematics(body.rig).from_dofs(q, np.eye(4))
+    np.testing.assert_allclose(T[1, 1, 1], np.cos(0.3))
 
 
 def test_collision_geometry_stands_in_for_missing_visuals():

@@ -1,8 +1,11 @@
 """Robots as bodies: hinges, loose parts, forearms that point ahead, a head fixed anywhere."""
 
+import re
+
 import numpy as np
 import pytest
 from robot import robot_urdf
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 import garment_sim_ros as gs
@@ -12,6 +15,7 @@ from garment_sim_ros.body.loaders.urdf import body_from_urdf, parse_urdf
 from garment_sim_ros.body.major_bones import major_bones
 from garment_sim_ros.body.mannequin.mannequin import mannequin
 from garment_sim_ros.body.retargeting import Retargeter
+from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.contact.pierced import PiercedMeter
 from garment_sim_ros.garment.measures import Measures
@@ -73,6 +77,48 @@ def test_an_avatar_makes_all_turns_of_a_robot_that_drives_it(turn):
     np.testing.assert_allclose(after, turned @ before, atol=1e-6)
 
 
+@pytest.mark.parametrize("head", ["", "logo"])
+def test_a_head_that_no_name_tells_gets_a_joint_of_its_own(head):
+    """The neck is a capsule from 0.225 to 0.375 m over the waist, of 4.5 cm; the head a box."""
+    robot = body_from_urdf(robot_urdf(head=head))
+    assert robot.humanoid["head"] == "head" == robot.rig.joint_names[-1]
+    assert robot.rig.joint_names[robot.rig.parent[-1]] == robot.humanoid["chest"]
+    assert "head taken to begin at 0.3" in robot.notes[0]
+    x = robot.skin.vertices
+    on_head = robot.skin.bone[:, 0] == len(robot.rig) - 1
+    assert 0.30 < x[on_head, 2].min() < 0.40
+    np.testing.assert_allclose(x[on_head].max(axis=0), [0.1, 0.07, 0.61], atol=1e-6)
+    moved = [_leaning(body) for body in (robot, body_from_urdf(robot_urdf()))]
+    for a, b in (moved, moved[::-1]):
+        assert cKDTree(a).query(b)[0].max() < 1e-9
+
+
+def _leaning(body):
+    q = np.zeros(len(body.rig.dofs))
+    q[body.rig.dofs.names.index("waist_pitch_joint")] = 0.4
+    return skin_vertices(body.skin, ForwardKinematics(body.rig).from_dofs(q, np.eye(4)))
+
+
+def test_a_head_that_turns_is_told_whatever_it_is_called(robot):
+    body = body_from_urdf(robot_urdf(head="camera", head_axis="z"))
+    assert body.humanoid["head"] == "camera"
+    assert len(body.rig) == len(robot.rig)
+    assert body.notes == ("no bone called neck or head: 'camera' taken as the head",)
+
+
+def test_a_robot_without_anything_over_its_shoulders():
+    """Its head, which nothing is on, begins between the shoulders, at 0.1 + 0.22 m."""
+    text = re.sub(r'<visual><origin xyz="0\.02 0\.0 0\.42".*?</visual>', "", robot_urdf(head=""))
+    text = re.sub(r'<visual><origin xyz="0 0 0\.3".*?</visual>', "", text)
+    text = text.replace(
+        'xyz="0.0 0.0 0.14"', 'xyz="0.0 0.0 0.09"'
+    )  # the chest up to the shoulders
+    body = body_from_urdf(text)
+    T = rest_transforms(body.rig)[body.rig.index("head"), :3, 3]
+    np.testing.assert_allclose(T, [0.0, 0.0, 0.32], atol=1e-6)
+    assert (body.skin.bone < len(body.rig) - 1).all()
+
+
 def test_measures_of_a_robot(robot):
     measures = Measures(robot).with_arms_away()
     # The head's joint is in the chest's origin; its skin begins 0.33 above that, the neck at 0.27.
@@ -92,6 +138,18 @@ def test_a_shirt_around_a_robot_has_its_four_openings(robot):
 
 
 def test_garments_stay_on_a_robot_that_walks(avatar):
+    _walk(avatar)
+
+
+def test_garments_stay_on_a_robot_without_a_head_of_its_own():
+    """Its colliders have the head apart: one hull of chest and head would fill the neck's hole."""
+    robot = body_from_urdf(robot_urdf(head=""))
+    avatar = Avatar(robot, fit_colliders(robot, ColliderOptions()))
+    assert "head" in {c.bone for c in avatar.colliders.colliders}
+    _walk(avatar)
+
+
+def _walk(avatar):
     outfit = avatar.dress("tshirt_short_skirt")
     simulation = gs.Simulation(outfit, avatar.colliders)
     meter = PiercedMeter(avatar.colliders)

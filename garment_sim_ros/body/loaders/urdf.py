@@ -19,12 +19,16 @@ from garment_sim_ros.body.kinematics import followed_channels, rest_transforms
 from garment_sim_ros.body.loaders.assembly import TURNED, upright_rotation
 from garment_sim_ros.body.loaders.urdf_visuals import MeshFinder, rigid_skin
 from garment_sim_ros.body.loaders.urdf_xml import MAX_TEXT, numbers, origin_transform, root_element
+from garment_sim_ros.body.missing_head import with_head
 from garment_sim_ros.body.rig import ROTATION, TRANSLATION, Dofs, Rig
 from garment_sim_ros.body.skin import Body
 from garment_sim_ros.errors import GeometryError, InputFileError
 from garment_sim_ros.input_file import read_text
 
 MAX_LINKS = 4096
+
+_SHOWN = 5
+"""Names in a note."""
 
 _MOVING = {"revolute": ROTATION, "continuous": ROTATION, "prismatic": TRANSLATION}
 _RIGID = ("fixed", "floating", "planar")
@@ -81,13 +85,33 @@ def body_from_urdf(
         T_parent_joint[0, :3] = R @ T_parent_joint[0, :3]
         rig = replace(rig, T_parent_joint=T_parent_joint)
     skin, notes = rigid_skin(robot, rig, rest_transforms(rig), MeshFinder(source))
-    return Body(
-        name=robot.get("name") or "robot",
-        rig=rig,
-        skin=skin,
-        humanoid=humanoid,
-        notes=(*notes, TURNED) if turned else notes,
+    notes = (*notes, *_followers_of_nothing(robot))
+    return with_head(
+        Body(
+            name=robot.get("name") or "robot",
+            rig=rig,
+            skin=skin,
+            humanoid=humanoid,
+            notes=(*notes, TURNED) if turned else notes,
+        )
     )
+
+
+def _followers_of_nothing(robot: Element) -> list[str]:
+    """A note of the joints that mimic one that is not there, if there are any."""
+    there = {joint.get("name") for joint in robot.findall("joint")}
+    free = [
+        str(joint.get("name"))
+        for joint in robot.findall("joint")
+        for mimic in joint.findall("mimic")
+        if mimic.get("joint", "") not in there
+    ]
+    if not free:
+        return []
+    more = ", ..." if len(free) > _SHOWN else ""
+    return [
+        f"joints that mimic one that is not there move freely: {', '.join(free[:_SHOWN])}{more}"
+    ]
 
 
 def _named(robot: Element, tag: str, source: str) -> dict[str, Element]:
@@ -199,6 +223,8 @@ def _dofs(
         mimic = joint.find("mimic")
         if mimic is not None:
             leader = mimic.get("joint", "")
+            if leader not in joints:
+                continue  # there is nothing to follow: its own name moves it
             if leader not in channel:
                 raise InputFileError(
                     source, f"joint {name!r} mimics {leader!r}", "allowed: a moving joint's name"

@@ -31,6 +31,9 @@ MIN_SIZE, MAX_SIZE = 1e-6, 100.0
 
 MAX_SHAPES = 4096
 
+_SIZES = {"box": "size", "sphere": "radius", "cylinder": "radius length", "capsule": "radius"}
+"""What of a shape must not be 0 for it to have a volume."""
+
 MAX_VERTICES = 2_000_000
 """Largest number of vertices of the whole skin."""
 
@@ -112,10 +115,12 @@ def rigid_skin(
         InputFileError: No geometry, or one that cannot be used.
     """
     notes: tuple[str, ...] = ()
-    parts = _parts(robot, rig, "visual", finder)
+    parts, empty = _parts(robot, rig, "visual", finder)
     if not parts:
-        parts = _parts(robot, rig, "collision", finder)
+        parts, empty = _parts(robot, rig, "collision", finder)
         notes = ("no visual geometry; collision geometry taken as the skin",)
+    if empty:
+        notes = (*notes, f"shapes without a volume, left out: {empty}")
     if not parts:
         raise InputFileError(finder.source, "has no visual geometry", "allowed: links with shapes")
     vertices, triangles, link = [], [], []
@@ -152,8 +157,8 @@ _Part = tuple[int, FloatArray, FloatArray, LongArray]
 """Link, transform of the shape in the link, vertices and triangles of the shape."""
 
 
-def _parts(robot: Element, rig: Rig, tag: str, finder: MeshFinder) -> list[_Part]:
-    """Every <visual> or <collision>."""
+def _parts(robot: Element, rig: Rig, tag: str, finder: MeshFinder) -> tuple[list[_Part], int]:
+    """Every <visual> or <collision>, but for those without a volume, and how many these are."""
     elements = [
         (link.get("name", ""), e) for link in robot.findall("link") for e in link.findall(tag)
     ]
@@ -164,18 +169,30 @@ def _parts(robot: Element, rig: Rig, tag: str, finder: MeshFinder) -> list[_Part
     number = {name: i for i, name in enumerate(rig.joint_names)}
     divisions = divisions_for(len(elements))
     parts = []
-    total = 0
+    total = nothing = 0
     for name, element in elements:
         geometry = element.find("geometry")
         if geometry is None or len(geometry) == 0:
             raise InputFileError(finder.source, f"link {name!r} has a <{tag}> without geometry")
+        if _is_nothing(geometry[0]):
+            nothing += 1
+            continue
         vertices, triangles = _triangulated(geometry[0], finder, divisions)
         total += len(vertices)
         if total > MAX_VERTICES:
             raise InputFileError(finder.source, f"has over {MAX_VERTICES} vertices")
         T_link_part = origin_transform(element, finder.source)
         parts.append((number[name], T_link_part, vertices, triangles))
-    return parts
+    return parts, nothing
+
+
+def _is_nothing(shape: Element) -> bool:
+    """Whether a shape has no volume: a stand-in of links on which nothing is seen."""
+    sizes = " ".join(shape.get(key, "") for key in _SIZES.get(shape.tag, "").split())
+    try:
+        return any(float(size) == 0.0 for size in sizes.split())
+    except ValueError:
+        return False
 
 
 def _triangulated(
