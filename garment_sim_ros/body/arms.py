@@ -271,11 +271,10 @@ def skin_of_bones(body: Body) -> dict[str, FloatArray]:
     skin = body.skin
     main = skin.bone[np.arange(len(skin.vertices)), skin.weight.argmax(axis=1)]
     owner = bones.owner[main]
-    names = {joint: bone for bone, joint in body.humanoid.items()}
     return {
-        names[joint]: np.asarray(skin.vertices[owner == k], np.float64)
-        for k, joint in enumerate(bones.names)
-        if joint in names
+        bone: np.asarray(skin.vertices[owner == k], np.float64)
+        for k, bone in enumerate(bones.human)
+        if bone
     }
 
 

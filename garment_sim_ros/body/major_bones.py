@@ -6,6 +6,7 @@ bone above them. In any other rig, a joint is major if the skin that it carries 
 the whole.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,6 +46,9 @@ class MajorBones:
     Attributes:
         names: Joint name of each, length m.
         joint: Joint index of each, shape [m].
+        first: Joint from which on each one turns, shape [m]: `joint`, which may be the last hinge
+            of a robot's hip, or the first one of it.
+        human: Humanoid bone that each one is, "" for none.
         parent: Major bone above each, -1 for the topmost, shape [m].
         owner: Index of the major bone that each joint of the rig belongs to, shape [n].
         root: Joint that the body as a whole moves with: the hips, whether they carry skin or not;
@@ -53,6 +57,8 @@ class MajorBones:
 
     names: tuple[str, ...]
     joint: IntArray
+    first: IntArray
+    human: tuple[str, ...]
     parent: IntArray
     owner: IntArray
     root: str
@@ -76,22 +82,31 @@ def major_bones(body: Body, *, also: tuple[str, ...] = ()) -> MajorBones:
         chosen = set(last.values())
     else:
         chosen = _by_size(body.rig.parent, carried)
-    owner_joint = _nearest_chosen(body.rig.parent, chosen)
+    within = _within_ball_joints(last, body.rig.parent)
+    owner_joint = _nearest_chosen(body.rig.parent, chosen, within)
     # A bone that carries nothing at all is left to the bones around it.
     total = np.bincount(owner_joint, carried, minlength=len(carried))
     chosen = {j for j in chosen if total[j] > 0.0} or {int(np.argmax(carried))}
-    owner_joint = _nearest_chosen(body.rig.parent, chosen)
+    owner_joint = _nearest_chosen(body.rig.parent, chosen, within)
 
     joint = np.array(sorted(chosen), dtype=np.int32)
     above = body.rig.parent[joint]
+    for k in range(len(joint)):
+        while above[k] >= 0 and owner_joint[above[k]] == joint[k]:
+            above[k] = body.rig.parent[above[k]]
     parent = np.where(above >= 0, np.searchsorted(joint, owner_joint[above]), -1)
     parent[parent >= np.arange(len(joint))] = -1
+    human = {body.rig.index(name): bone for bone, name in body.humanoid.items()}
+    first = {last[j]: j for j in sorted(named, reverse=True)}
+    human |= {end: human[j] for end, j in first.items()}
     root = joint[0]
     if "hips" in body.humanoid:
         root = last[body.rig.index(body.humanoid["hips"])]
     return MajorBones(
         names=tuple(body.rig.joint_names[j] for j in joint),
         joint=joint,
+        first=np.array([first.get(j, j) for j in joint.tolist()], np.int32),
+        human=tuple(human.get(j, "") for j in joint.tolist()),
         parent=parent.astype(np.int32),
         owner=np.searchsorted(joint, owner_joint).astype(np.int32),
         root=body.rig.joint_names[root],
@@ -154,8 +169,25 @@ def _by_size(parent: IntArray, carried: FloatArray) -> set[int]:
     return chosen
 
 
-def _nearest_chosen(parent: IntArray, chosen: set[int]) -> IntArray:
-    """For each joint, the closest chosen one above, else the first one of its tree or of all."""
+def _within_ball_joints(last: Mapping[int, int], parent: IntArray) -> dict[int, int]:
+    """The joints of ball joints before the last one, which they belong to."""
+    within = {}
+    for first, end in last.items():
+        joint = end
+        while joint != first:
+            joint = int(parent[joint])
+            within[joint] = end
+    return within
+
+
+def _nearest_chosen(parent: IntArray, chosen: set[int], within: Mapping[int, int]) -> IntArray:
+    """For each joint, the closest chosen one above, else the first one of its tree or of all.
+
+    Args:
+        parent: Parent of each joint, -1 at the top, shape [n].
+        chosen: Joints.
+        within: Joints that belong to one of them below, where that is chosen.
+    """
     first = min(chosen)
     n = len(parent)
     root = np.arange(n)
@@ -169,6 +201,8 @@ def _nearest_chosen(parent: IntArray, chosen: set[int]) -> IntArray:
     for joint in range(n):
         if joint in chosen:
             nearest[joint] = joint
+        elif within.get(joint) in chosen:
+            nearest[joint] = within[joint]
         elif parent[joint] >= 0:
             nearest[joint] = nearest[parent[joint]]
         else:

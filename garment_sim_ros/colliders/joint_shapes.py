@@ -85,7 +85,6 @@ def joints(
         skin: The skin in the bind pose.
         flexible: Weight of the lesser side of a joint from which on skin bends with it.
     """
-    bone_of = {joint: bone for bone, joint in body.humanoid.items()}
     normal = skin_normals(body.skin)
     found = []
     for m in range(len(regions)):
@@ -113,7 +112,7 @@ def joints(
                 points=body.skin.vertices[bends],
                 normal=normal[bends],
                 weight=weight[bends],
-                rotations=joint_rotations(bone_of.get(regions.names[m], ""), along),
+                rotations=joint_rotations(regions.human[m], along),
                 below=frozenset(below),
             )
         )

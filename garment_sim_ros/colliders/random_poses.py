@@ -47,15 +47,13 @@ def random_poses(body: Body, count: int, *, seed: int = 0) -> FloatArray:
     """
     rng = np.random.default_rng(seed)
     bones = major_bones(body, also=_ALSO)
-    bone_of = {joint: bone for bone, joint in body.humanoid.items()}
     rest = rest_transforms(body.rig)
     along = _along(body, bones, rest)
     turn: dict[int, FloatArray] = {}
-    for m, name in enumerate(bones.names):
+    for m, bone in enumerate(bones.human):
         if bones.parent[m] < 0:
             continue
-        bone = bone_of.get(name, "")
-        joint = int(bones.joint[m])
+        joint = int(bones.first[m])
         chain = [joint]
         above = int(body.rig.parent[joint])
         while bone in _SHARING and above != bones.joint[bones.parent[m]]:

@@ -33,6 +33,7 @@ class Regions:
     Attributes:
         names: Joint name of each bone, length m.
         joint: Its joint index, shape [m].
+        human: The humanoid bone that it is, "" for none, length m.
         parent: Region above each, -1 at the top, shape [m].
         weight: Skin weights summed over the joints that belong to each bone, shape [v, m].
         owner: Bone with the largest weight at each vertex, shape [v].
@@ -40,6 +41,7 @@ class Regions:
 
     names: tuple[str, ...]
     joint: IntArray
+    human: tuple[str, ...]
     parent: IntArray
     weight: FloatArray
     owner: IntArray
@@ -85,6 +87,7 @@ def skin_regions(body: Body, *, merge: float = 0.0) -> Regions:
     return Regions(
         names=tuple(bones.names[m] for m in kept),
         joint=bones.joint[kept],
+        human=tuple(bones.human[m] for m in kept),
         parent=number[parent[kept]],
         weight=np.ascontiguousarray(weight[:, kept]),
         owner=number[owner],
@@ -104,15 +107,14 @@ def _give_back_the_trunk(body: Body, bones: MajorBones, weight: FloatArray) -> N
     """
     x = body.skin.vertices
     place = {
-        joint: invert_transform(body.skin.T_bone_bind[number])[:3, 3]
-        for joint, number in zip(bones.names, bones.joint, strict=True)
+        bone: invert_transform(body.skin.T_bone_bind[number])[:3, 3]
+        for bone, number in zip(bones.human, bones.joint, strict=True)
     }
     for bone, below in _LIMBS:
-        name, end = body.humanoid.get(bone), body.humanoid.get(below)
-        if name not in place or end not in place:
+        if bone not in place or below not in place:
             continue
-        m = bones.names.index(name)
-        start, along = place[name], place[end] - place[name]
+        m = bones.human.index(bone)
+        start, along = place[bone], place[below] - place[bone]
         s = np.clip((x - start) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
         distance = np.linalg.norm(x - start - s[:, None] * along, axis=1)
         own = weight.argmax(axis=1) == m

@@ -223,14 +223,14 @@ def covered_skin(measures: Measures, upper: bool) -> IntArray:
 
 
 def _passed_by(measures: Measures, binding: Binding, upper: bool) -> tuple[str, ...]:
-    """Joints of head, hands and, unless the garment has sleeves there, arms."""
+    """Major bones that are head, hands and, unless the garment has sleeves there, arms."""
     parts = ["LowerArm", "Hand"] if upper else ["UpperArm", "LowerArm", "Hand"]
-    humanoid = measures.body.humanoid
-    bones = ["head", *(f"{side}{part}" for part in parts for side in ("left", "right"))]
-    frames = major_bones(measures.body).names
+    passing = ["head", *(f"{side}{part}" for part in parts for side in ("left", "right"))]
+    bones = major_bones(measures.body)
+    name_of = dict(zip(bones.human, bones.names, strict=True))
     worn = {f for k, f in enumerate(binding.frames) if _carried(binding, k) > 0.5}
-    joints = [humanoid[bone] for bone in bones if bone in humanoid]
-    return tuple(joint for joint in joints if joint in frames and joint not in worn)
+    frames = [name_of[bone] for bone in passing if bone in name_of]
+    return tuple(frame for frame in frames if frame not in worn)
 
 
 def _carried(binding: Binding, frame: int) -> float:

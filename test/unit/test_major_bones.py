@@ -93,7 +93,10 @@ def test_of_joints_at_one_place_the_last_is_major():
     )
     bones = major_bones(body)
     assert bones.names == ("j0", "j1", "j2", "j3", "j4", "j7", "j8", "j9")
-    assert bones.owner.tolist() == [0, 1, 2, 3, 4, 4, 4, 5, 6, 7]
+    assert bones.owner.tolist() == [0, 1, 2, 3, 4, 5, 5, 5, 6, 7]
+    assert bones.parent.tolist() == [-1, 0, 1, 2, 3, 4, 5, 6]
+    assert bones.first.tolist() == [0, 1, 2, 3, 4, 5, 8, 9]
+    assert bones.human == names
 
 
 def test_a_named_bone_without_skin_is_left_out():

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import garment_sim_ros as gs
 from garment_sim_ros.avatar import Avatar
+from garment_sim_ros.body.arms import Arms, skin_of_bones
 from garment_sim_ros.body.kinematics import ForwardKinematics, rest_transforms
 from garment_sim_ros.body.loaders.urdf import body_from_urdf, parse_urdf
 from garment_sim_ros.body.major_bones import major_bones
@@ -17,10 +18,13 @@ from garment_sim_ros.body.mannequin.mannequin import mannequin
 from garment_sim_ros.body.retargeting import Retargeter
 from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.colliders.fitting import fit_colliders
+from garment_sim_ros.colliders.random_poses import random_poses
 from garment_sim_ros.contact.pierced import PiercedMeter
 from garment_sim_ros.garment.measures import Measures
 from garment_sim_ros.garment.tshirt import tshirt
 from garment_sim_ros.geometry.topology import boundary_loops
+from garment_sim_ros.mocap.clip_poses import retargeter
+from garment_sim_ros.mocap.sampling import ClipSampler
 from garment_sim_ros.params import ColliderOptions
 
 
@@ -61,6 +65,62 @@ def test_colliders_follow_the_last_hinge_of_a_part(robot, avatar):
     j = robot.rig.index(yaw)
     np.testing.assert_allclose(before[j, :3, 3], after[j, :3, 3], atol=1e-9)
     assert abs(after[j, 0, 0] - np.cos(0.5)) < 1e-9
+
+
+def test_limbs_are_known_by_their_colliders_bones(robot):
+    """A thigh begins at its first hinge, its collider is on the last one: both are the thigh."""
+    bones = major_bones(robot)
+    assert set(bones.human) == set(robot.humanoid)
+    assert bones.names[bones.human.index("leftUpperLeg")] != robot.humanoid["leftUpperLeg"]
+    z = {bone: np.ptp(skin[:, 2]) for bone, skin in skin_of_bones(robot).items()}
+    assert z["leftUpperLeg"] == pytest.approx(z["rightUpperLeg"]) == pytest.approx(0.37, abs=0.01)
+
+
+def test_garments_are_beside_the_arms(avatar):
+    """A skirt knows the colliders of arms, which are on the last hinge of a shoulder."""
+    bones = major_bones(avatar.body)
+    hands = [side + part for side in ("left", "right") for part in ("LowerArm", "Hand")]
+    outside = {
+        "tshirt": {"head", *hands},
+        "skirt": {"head", *hands, "leftUpperArm", "rightUpperArm"},
+    }
+    for garment in avatar.dress("tshirt_short_skirt").garments:
+        expected = {bones.names[bones.human.index(bone)] for bone in outside[garment.name]}
+        assert set(garment.passed_by) == expected
+
+
+def test_all_links_of_a_ball_joint_turn_in_random_poses(robot):
+    poses = random_poses(robot, 3)
+    bones = major_bones(robot)
+    m = bones.human.index("leftUpperLeg")
+    first, last, hips = (poses[:, j] for j in (bones.first[m], bones.joint[m], bones.joint[0]))
+    between, at_hips = (np.linalg.inv(T) @ last for T in (first, hips))
+    assert np.ptp(between, axis=0).max() < 1e-9
+    assert np.ptp(at_hips, axis=0).max() > 0.1
+
+
+def test_hands_of_a_robot_are_kept_off_its_thighs(robot):
+    """A clip puts them 2 cm into the side of the thighs."""
+    thigh, hand = (skin_of_bones(robot)[bone] for bone in ("leftUpperLeg", "leftHand"))
+    arms = Arms(robot)
+    T = rest_transforms(robot.rig)
+    below = robot.rig.below(robot.rig.index(robot.humanoid["leftUpperArm"]))
+    wanted = np.array([thigh[:, 0].mean(), thigh[:, 1].max() + 0.01, thigh[:, 2].mean()])
+    T[below, :3, 3] += wanted - hand.mean(axis=0)
+    moved = T.copy()
+    arms.clear(moved, 0.0)
+    joint = robot.rig.index(robot.humanoid["leftHand"])
+    assert moved[joint, 1, 3] > T[joint, 1, 3] + 0.04
+
+
+def test_a_robot_does_not_lean_back_where_it_runs(robot, data_file):
+    """Its thighs are beside its pelvis, and partly in it, by design."""
+    clip = gs.load_clip(data_file("mocap", "deepmimic_run.bvh"))
+    to_body = retargeter(clip, robot)
+    sampler = ClipSampler(clip, "once")
+    for t in np.linspace(0.0, clip.duration, 30):
+        to_body.world_joints(sampler.sample(t), t)
+        assert to_body.tucks.bend == 0.0
 
 
 @pytest.mark.parametrize("turn", ["pitch", "roll", "yaw"])
@@ -104,6 +164,25 @@ def test_a_head_that_turns_is_told_whatever_it_is_called(robot):
     assert body.humanoid["head"] == "camera"
     assert len(body.rig) == len(robot.rig)
     assert body.notes == ("no bone called neck or head: 'camera' taken as the head",)
+
+
+def test_of_a_head_on_several_hinges_the_first_is_its_joint():
+    text = robot_urdf(head="camera", head_axis="z").replace(
+        '<child link="camera"/>', '<child link="mast"/>'
+    )
+    tilt = (
+        '<link name="mast"/><joint name="tilt" type="revolute"><parent link="mast"/>'
+        '<child link="camera"/><axis xyz="0 1 0"/><limit lower="-1" upper="1"/></joint></robot>'
+    )
+    assert body_from_urdf(text.replace("</robot>", tilt)).humanoid["head"] == "mast"
+
+
+def test_without_a_head_the_neck_begins_at_the_chest():
+    """The chest ends at 0.1 + 0.27 m; above it is the neck, down to a rounded end."""
+    text = re.sub(r'<visual><origin xyz="0\.02 0\.0 0\.42".*?</visual>', "", robot_urdf(head=""))
+    body = body_from_urdf(text)
+    T = rest_transforms(body.rig)[body.rig.index("head"), :3, 3]
+    np.testing.assert_allclose(T, [0.0, 0.0, 0.37], atol=0.01)
 
 
 def test_a_robot_without_anything_over_its_shoulders():

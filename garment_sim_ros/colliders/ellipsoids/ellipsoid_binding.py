@@ -164,18 +164,17 @@ def _random_poses(body: Body, bones: MajorBones) -> FloatArray:
     The first is no motion; in the others every joint is turned within its range.
     """
     rng = np.random.default_rng(0)
-    bone_of = {joint: bone for bone, joint in body.humanoid.items()}
     pivot = rest_transforms(body.rig)[bones.joint][:, :3, 3]
     owner = bone_weights(body.skin, bones).argmax(axis=1)
     motions = np.tile(np.eye(4), (_POSES, len(bones), 1, 1))
-    for m, name in enumerate(bones.names):
+    for m, human in enumerate(bones.human):
         above = int(bones.parent[m])
         if above < 0:
             continue
         along = body.skin.vertices[owner == m].mean(axis=0) - pivot[m]
         length = np.linalg.norm(along)
         along = along / length if length > 1e-6 else np.array([0.0, 0.0, 1.0])
-        turns = joint_rotations(bone_of.get(name, ""), along)
+        turns = joint_rotations(human, along)
         local = np.tile(np.eye(4), (_POSES, 1, 1))
         if len(turns):
             local[1:, :3, :3] = turns[rng.integers(len(turns), size=_POSES - 1)]

@@ -111,7 +111,11 @@ def _below(body: Body, *tops: str) -> set[str]:
 
 
 def _growing(body: Body, made: Sequence[Made], first: Sequence[Made]) -> list[_Growing]:
-    hulls, stays, arms = [], _below(body, "neck"), _below(body, "leftUpperArm", "rightUpperArm")
+    hulls, stays, arms = (
+        [],
+        _below(body, "neck", "head"),
+        _below(body, "leftUpperArm", "rightUpperArm"),
+    )
     for at, (one, before) in enumerate(zip(made, first)):
         if one.collider.bone in stays:  # thicker, it would run through what lies around the neck
             continue
