@@ -111,7 +111,8 @@ def tshirt(measures: Measures, *, vertices: int, length: float, ease: float) -> 
     for arm, tube in zip(arms, tubes):
         beyond = arm.along(x) - _SLEEVE_LENGTH * arm.length
         on_sleeve = grid.sampled(trunk - tube, x)
-        x, triangles, _ = clipped(x, triangles, np.minimum(beyond, on_sleeve))
+        cut = _largest_cut(triangles, np.minimum(beyond, on_sleeve))
+        x, triangles, _ = clipped(x, triangles, cut)
     x, triangles = _without_pinches(*_largest_part(x, triangles))
     x, triangles = _without_pinholes(x, triangles, _PINHOLE * grid.spacing)
     gradient = [np.gradient(field, grid.spacing, axis=axis) for axis in range(3)]
@@ -255,6 +256,20 @@ def _smooth_union(a: FloatArray, b: FloatArray, rounding: float) -> FloatArray:
     """Polynomial smooth minimum; differs from the minimum where |a - b| < rounding."""
     s = np.clip(0.5 + 0.5 * (b - a) / rounding, 0.0, 1.0)
     return b + s * (a - b) - rounding * s * (1.0 - s)
+
+
+def _largest_cut(triangles: IntArray, cut: FloatArray) -> FloatArray:
+    """What cuts off the end of a sleeve, without what it cuts elsewhere [m], shape [v].
+
+    A wide, short sleeve, made longer, grazes hips.
+    """
+    inside = cut > 0.0
+    within = triangles[inside[triangles].all(axis=1)]
+    if not len(within):
+        return cut
+    _, part = components(within, len(cut))
+    largest = np.bincount(part[within[:, 0]]).argmax()
+    return np.where(inside & (part != largest), -np.abs(cut), cut)
 
 
 def _covered_skin(measures: Measures) -> IntArray:

@@ -216,6 +216,20 @@ def test_a_shirt_around_a_robot_has_its_four_openings(robot):
     np.testing.assert_array_equal(np.sign(np.round(sides, 1)), [-1, 0, 0, 1])
 
 
+def test_wide_sleeves_leave_wide_hips_whole():
+    """A sleeve of 10 cm radius, made longer, goes through hips of 42 cm."""
+    text = robot_urdf()
+    for old, new in (
+        ('<box size="0.14 0.22 0.12"/>', '<box size="0.2 0.42 0.12"/>'),
+        ('<capsule radius="0.035" length="0.1"/>', '<capsule radius="0.1" length="0.1"/>'),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    measures = Measures(body_from_urdf(text)).with_arms_away()
+    shirt = tshirt(measures, vertices=1500, length=0.8, ease=0.025)
+    assert len(boundary_loops(shirt.triangles)) == 4
+
+
 def test_garments_stay_on_a_robot_that_walks(avatar):
     _walk(avatar)
 
