@@ -188,7 +188,11 @@ def read_skeleton(
         body = body_from_urdf(text, humanoid_overrides=body_bone_names)
         with reporting(log.info, "fit colliders to the body"):
             avatar = wear(body, p, log)
-        from_dofs = ForwardKinematics(rig).from_dofs
+        # The body may be turned to stand upright, and have a head that the description has not.
+        T_parent_joint = body.rig.T_parent_joint.copy()
+        T_parent_joint[0] = rig.T_parent_joint[0]
+        own = dataclasses.replace(body.rig, T_parent_joint=T_parent_joint)
+        from_dofs = ForwardKinematics(own).from_dofs
 
         def posed(q: FloatArray, time: float) -> FloatArray:
             return from_dofs(q)

@@ -25,7 +25,8 @@ from garment_sim_ros.garment.tshirt import tshirt
 from garment_sim_ros.geometry.topology import boundary_loops
 from garment_sim_ros.mocap.clip_poses import retargeter
 from garment_sim_ros.mocap.sampling import ClipSampler
-from garment_sim_ros.params import ColliderOptions
+from garment_sim_ros.params import ColliderNodeParameters, ColliderOptions
+from garment_sim_ros.ros.posed_avatar import read_skeleton
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +37,32 @@ def robot():
 @pytest.fixture(scope="module")
 def avatar(robot):
     return Avatar(robot, fit_colliders(robot, ColliderOptions()))
+
+
+@pytest.mark.parametrize("asked", [{}, {"head": ""}, {"head": "", "facing": np.pi / 2}])
+def test_a_robots_own_joint_states_move_its_colliders(robot, asked):
+    """As its description has it: not turned, and its head with the chest."""
+    text = robot_urdf(**asked)
+    p = ColliderNodeParameters(body="", cache=False)
+    skeleton = read_skeleton(text, None, p, _Quiet(), bone_names=None, body_bone_names=None)
+    q = np.zeros(len(skeleton.rig.dofs))
+    q[skeleton.rig.dofs.names.index("waist_pitch_joint")] = 0.4
+    joints = skeleton.world_joints(q, 0.0)
+    poses, _ = skeleton.avatar.posed(joints, 0)
+    skin = skin_vertices(skeleton.avatar.body.skin, joints)
+    turned = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    R = turned if "facing" in asked else np.eye(3)
+    assert cKDTree(skin).query(_leaning(robot) @ R.T)[0].max() < 1e-6
+    head = next(k for k, c in enumerate(skeleton.avatar.colliders.colliders) if "head" in c.bone)
+    top = skin[np.argmax(skin[:, 2])]
+    assert np.linalg.norm(poses.position[head] - top) < 0.3
+
+
+class _Quiet:
+    def info(self, message):
+        pass
+
+    warning = info
 
 
 @pytest.mark.parametrize(("facing", "lying"), [(np.pi, 0.0), (-np.pi / 2, 0.0), (0.0, np.pi / 2)])
