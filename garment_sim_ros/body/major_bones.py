@@ -78,10 +78,9 @@ def major_bones(body: Body, *, also: tuple[str, ...] = ()) -> MajorBones:
     named = {body.rig.index(body.humanoid[b]) for b in (*HUMAN_MAJOR, *also) if b in body.humanoid}
     same = _in_one_place(body.rig)
     last = {j: _end_of_ball_joint(j, named, body.rig.parent, same, carried) for j in named}
-    if len(named) >= _MIN_HUMAN_BONES:
-        chosen = set(last.values())
-    else:
-        chosen = _by_size(body.rig.parent, carried)
+    if len(named) < _MIN_HUMAN_BONES:
+        last = {}
+    chosen = set(last.values()) or _by_size(body.rig.parent, carried)
     within = _within_ball_joints(last, body.rig.parent)
     owner_joint = _nearest_chosen(body.rig.parent, chosen, within)
     # A bone that carries nothing at all is left to the bones around it.
@@ -97,11 +96,12 @@ def major_bones(body: Body, *, also: tuple[str, ...] = ()) -> MajorBones:
     parent = np.where(above >= 0, np.searchsorted(joint, owner_joint[above]), -1)
     parent[parent >= np.arange(len(joint))] = -1
     human = {body.rig.index(name): bone for bone, name in body.humanoid.items()}
-    first = {last[j]: j for j in sorted(named, reverse=True)}
+    first = {last[j]: j for j in sorted(last, reverse=True)}
     human |= {end: human[j] for end, j in first.items()}
     root = joint[0]
     if "hips" in body.humanoid:
-        root = last[body.rig.index(body.humanoid["hips"])]
+        hips = body.rig.index(body.humanoid["hips"])
+        root = _end_of_ball_joint(hips, named, body.rig.parent, same, carried)
     return MajorBones(
         names=tuple(body.rig.joint_names[j] for j in joint),
         joint=joint,
@@ -146,15 +146,31 @@ def _end_of_ball_joint(
     same: NDArray[np.bool_],
     carried: FloatArray,
 ) -> int:
-    """The last of the joints at one place that has skin: the one that makes all the turns."""
+    """The last of the joints at one place that has skin: the one that makes all the turns.
+
+    All bones below the first one hang on it: a twist joint or a cover beside them is none.
+    """
     last = candidate = joint
     while True:
         below = np.flatnonzero((parent == candidate) & same).tolist()
         if len(below) != 1 or below[0] in named:
             return last
+        if _carries_any(parent, candidate, below[0], named):
+            return last
         candidate = below[0]
         if carried[candidate] > 0.0:
             last = candidate
+
+
+def _carries_any(parent: IntArray, joint: int, but: int, named: set[int]) -> bool:
+    """Whether a joint carries one of the named ones otherwise than by one of its children."""
+    for other in named:
+        before = at = other
+        while at >= 0 and at != joint:
+            before, at = at, int(parent[at])
+        if at == joint and before not in (joint, but):
+            return True
+    return False
 
 
 def _by_size(parent: IntArray, carried: FloatArray) -> set[int]:

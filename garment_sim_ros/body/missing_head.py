@@ -1,10 +1,11 @@
 """A head for robots whose names tell none: what is above the neck, told by the skin.
 
 Robots often have their head fixed to the chest, in one link and one mesh. Colliders are fitted to
-what a joint carries, and a shirt leaves out the head; so a joint is added that stays in its place
-in the chest and carries what is above the neck. No vertex moves otherwise than without it.
+what a joint carries, and a shirt leaves out the head; so a joint is added in the chest that
+carries what is above the neck. The robot's own joint states do not turn it; a clip does.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,11 +18,13 @@ from garment_sim_ros.body.skin import Body, Skin
 from garment_sim_ros.body.skinning import skin_vertices
 from garment_sim_ros.geometry.topology import edge_table
 from garment_sim_ros.geometry.transforms import invert_transform
+from garment_sim_ros.geometry.triangles import vertex_areas
 
-_TRUNK = ("upperChest", "chest", "spine", "hips")
 _LEVELS = 48
 _HEAD = 1.1
 """A head is so much wider than the neck under it, from side to side."""
+_LEAST_HEAD = 0.3
+"""It is at least so wide as a share of the trunk at the shoulders: an antenna is none."""
 _NARROW = 0.6
 """Without a head the neck begins where the trunk has so much of its width at the shoulders."""
 
@@ -37,23 +40,22 @@ def with_head(body: Body) -> Body:
         of what is above the neck turns is the head, or a new one in the chest.
     """
     rig, humanoid = body.rig, body.humanoid
-    trunk = next((humanoid[bone] for bone in _TRUNK if bone in humanoid), None)
-    if trunk is None or {"neck", "head"} & humanoid.keys():
+    if {"neck", "head"} & humanoid.keys():
         return body
     if not {"leftUpperArm", "rightUpperArm"} <= humanoid.keys():
         return body
     T = rest_transforms(rig)
     x = skin_vertices(body.skin, T)
-    arms = [rig.index(humanoid[f"{side}UpperArm"]) for side in ("left", "right")]
-    is_trunk = ~rig.below(*arms)[body.skin.bone[:, 0]]
-    place = _neck(x, body.skin.triangles, is_trunk, T[arms, :3, 3].mean(axis=0))
+    shoulders = [rig.index(humanoid[f"{side}UpperArm"]) for side in ("left", "right")]
+    chest, arms = _chest_and_arms(rig, shoulders)
+    owner = body.skin.bone[:, 0]
+    is_trunk = ~rig.below(*arms)[owner]
+    place = _neck(x, body.skin.triangles, is_trunk, T[shoulders, :3, 3].mean(axis=0))
     is_head = is_trunk & (x[:, 2] > place[2])
-    chest = rig.index(trunk)
-    fixed = _fixed_to(rig, chest)
-    top = int(np.bincount(body.skin.bone[is_head, 0], minlength=len(rig)).argmax())
-    if is_head.any() and not fixed[top] and rig.below(chest)[top]:
-        while not fixed[rig.parent[top]]:
-            top = int(rig.parent[top])
+    turning = _turning_on(rig, chest)
+    area = is_head * vertex_areas(x, body.skin.triangles)
+    top = int(np.bincount(turning[owner] + 1, area, minlength=len(rig) + 1).argmax()) - 1
+    if is_head.any() and top >= 0 and not rig.below(top)[arms].any():
         name = rig.joint_names[top]
         note = f"no bone called neck or head: {name!r} taken as the head"
         return replace(body, humanoid={**humanoid, "head": name}, notes=(*body.notes, note))
@@ -72,7 +74,7 @@ def with_head(body: Body) -> Body:
             parent=np.append(rig.parent, chest),
             T_parent_joint=np.concatenate([rig.T_parent_joint, T_chest_head[None]]),
         ),
-        skin=_carried(body.skin, is_head & fixed[body.skin.bone[:, 0]], chest, T_chest_head),
+        skin=_carried(body.skin, is_head & (turning[owner] < 0), chest, T_chest_head),
         humanoid={**humanoid, "head": name},
         notes=(*body.notes, note),
     )
@@ -85,7 +87,7 @@ def _neck(
     edges = edge_table(triangles)[0]
     edges = edges[is_trunk[edges].all(axis=1)]
     top = float(x[edges, 2].max(initial=shoulders[2]))
-    sections = []
+    sections: list[tuple[FloatArray, FloatArray]] = []
     for z in np.linspace(shoulders[2], top, _LEVELS, endpoint=False):
         over = x[edges, 2] > z
         a, b = edges[over[:, 0] != over[:, 1]].T
@@ -93,27 +95,47 @@ def _neck(
             s = (z - x[a, 2]) / (x[b, 2] - x[a, 2])
             across = x[a] + s[:, None] * (x[b] - x[a])
             sections.append((across.min(axis=0), across.max(axis=0)))
+        elif sections:  # a gap, as between a chest and a head on a hidden neck
+            middle = 0.5 * (sections[-1][0] + sections[-1][1])
+            sections.append(((middle := np.array([*middle[:2], z])), middle))
     if not sections:
         return shoulders
     low, high = np.swapaxes(sections, 0, 1)
     width = high[:, 1] - low[:, 1]
     widest_above = np.maximum.accumulate(width[::-1])[::-1]
-    k = int(np.argmax(widest_above / width.clip(1e-9)))
-    if widest_above[k] < _HEAD * width[k]:
+    is_wide = widest_above > _LEAST_HEAD * width[0]
+    k = int(np.argmax(is_wide * widest_above / width.clip(1e-9)))
+    if not is_wide[k] or widest_above[k] < _HEAD * width[k]:
         narrow = np.flatnonzero(width < _NARROW * width[0])
         k = int(narrow[0]) if narrow.size else len(width) - 1
     place: FloatArray = 0.5 * (low[k] + high[k])
     return place
 
 
-def _fixed_to(rig: Rig, joint: int) -> NDArray[np.bool_]:
-    """Which joints move with one of them: it, and what hangs on it without a hinge, shape [n]."""
-    fixed = np.zeros(len(rig), bool)
-    fixed[joint] = True
-    turning = set(rig.dofs.joint.tolist())
+def _chest_and_arms(rig: Rig, shoulders: Sequence[int]) -> tuple[int, list[int]]:
+    """What both arms hang on, the lowest joint, and the joints on it that they begin at."""
+    paths = []
+    for joint in shoulders:
+        path = [joint]
+        while (joint := int(rig.parent[joint])) >= 0:
+            path.append(joint)
+        paths.append(path)
+    chest = next((j for j in paths[0][1:] if j in paths[1][1:]), 0)
+    return chest, [path[path.index(chest) - 1] if chest in path else path[0] for path in paths]
+
+
+def _turning_on(rig: Rig, chest: int) -> IntArray:
+    """The first joint that turns on the way from the chest to each one, -1 for none, shape [n]."""
+    hinges = set(rig.dofs.joint.tolist())
+    while chest not in hinges and rig.parent[chest] >= 0:
+        chest = int(rig.parent[chest])
+    below = rig.below(chest)
+    turning = np.full(len(rig), -1, np.int32)
     for j, above in enumerate(rig.parent):
-        fixed[j] |= above >= 0 and j not in turning and fixed[above]
-    return fixed
+        if j == chest or not below[j]:
+            continue
+        turning[j] = turning[above] if turning[above] >= 0 or j not in hinges else j
+    return turning
 
 
 def _carried(skin: Skin, is_head: NDArray[np.bool_], chest: int, T_chest_head: FloatArray) -> Skin:

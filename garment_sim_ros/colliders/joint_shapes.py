@@ -99,7 +99,7 @@ def joints(
         own = body.skin.vertices[regions.owner == m]
         if len(bends) == 0 or len(own) == 0:
             continue
-        centre = invert_transform(body.skin.T_bone_bind[regions.joint[m]])[:3, 3]
+        centre = invert_transform(body.skin.T_bone_bind[regions.first[m]])[:3, 3]
         along = own.mean(axis=0) - centre
         length = float(np.linalg.norm(along))
         along = along / length if length > 1e-6 else np.array([0.0, 0.0, 1.0])

@@ -56,7 +56,7 @@ def random_poses(body: Body, count: int, *, seed: int = 0) -> FloatArray:
         joint = int(bones.first[m])
         chain = [joint]
         above = int(body.rig.parent[joint])
-        while bone in _SHARING and above != bones.joint[bones.parent[m]]:
+        while bone in _SHARING and above not in (-1, bones.joint[bones.parent[m]]):
             chain.append(above)
             above = int(body.rig.parent[above])
         turns = _turns(bone, along[m], count, rng)
@@ -86,7 +86,7 @@ def _along(body: Body, bones: MajorBones, rest: FloatArray) -> FloatArray:
     """Unit directions of major bones: from the joint to the middle of its skin, shape [m, 3]."""
     owner = bone_weights(body.skin, bones).argmax(axis=1)
     along = np.tile([0.0, 0.0, 1.0], (len(bones), 1))
-    for m, joint in enumerate(bones.joint):
+    for m, joint in enumerate(bones.first):
         own = body.skin.vertices[owner == m]
         way = own.mean(axis=0) - rest[joint, :3, 3] if len(own) else np.zeros(3)
         length = float(np.linalg.norm(way))

@@ -33,6 +33,7 @@ class Regions:
     Attributes:
         names: Joint name of each bone, length m.
         joint: Its joint index, shape [m].
+        first: The joint from which on it turns, shape [m], see `MajorBones`.
         human: The humanoid bone that it is, "" for none, length m.
         parent: Region above each, -1 at the top, shape [m].
         weight: Skin weights summed over the joints that belong to each bone, shape [v, m].
@@ -41,6 +42,7 @@ class Regions:
 
     names: tuple[str, ...]
     joint: IntArray
+    first: IntArray
     human: tuple[str, ...]
     parent: IntArray
     weight: FloatArray
@@ -87,6 +89,7 @@ def skin_regions(body: Body, *, merge: float = 0.0) -> Regions:
     return Regions(
         names=tuple(bones.names[m] for m in kept),
         joint=bones.joint[kept],
+        first=bones.first[kept],
         human=tuple(bones.human[m] for m in kept),
         parent=number[parent[kept]],
         weight=np.ascontiguousarray(weight[:, kept]),
@@ -108,7 +111,7 @@ def _give_back_the_trunk(body: Body, bones: MajorBones, weight: FloatArray) -> N
     x = body.skin.vertices
     place = {
         bone: invert_transform(body.skin.T_bone_bind[number])[:3, 3]
-        for bone, number in zip(bones.human, bones.joint, strict=True)
+        for bone, number in zip(bones.human, bones.first, strict=True)
     }
     for bone, below in _LIMBS:
         if bone not in place or below not in place:

@@ -99,6 +99,30 @@ def test_of_joints_at_one_place_the_last_is_major():
     assert bones.human == names
 
 
+@pytest.mark.parametrize("twist_first", [True, False])
+def test_a_twist_joint_beside_a_bone_is_no_end_of_its_joint(twist_first):
+    """It turns nothing below, so that the bone's own joint has the collider, and its skin."""
+    names = ("hips", "spine", "chest", "neck", "leftUpperArm", "leftLowerArm", "leftHand", "head")
+    body = rigid_chain([0, 1, 1, 1, 1, 1, 1, 1, 0], dict.fromkeys(range(9), 1.0))
+    parent = np.array([-1, 0, 1, 2, 2, 4, 5, 3, 4])
+    order = [*range(5), 8, 5, 6, 7] if twist_first else [*range(9)]
+    place = {j: k for k, j in enumerate(order)}
+    T = body.rig.T_parent_joint.copy()
+    T[8] = np.eye(4)
+    rig = dataclasses.replace(
+        body.rig,
+        joint_names=tuple(f"j{j}" for j in order),
+        parent=np.array([place.get(int(parent[j]), -1) for j in order]),
+        T_parent_joint=T[order],
+    )
+    humanoid = dict(zip(names, ("j0", "j1", "j2", "j3", "j4", "j5", "j6", "j7")))
+    bones = major_bones(dataclasses.replace(body, rig=rig, humanoid=humanoid))
+    assert sorted(bones.names) == [f"j{j}" for j in range(8)]
+    above = {name: bones.names[p] if p >= 0 else "" for name, p in zip(bones.names, bones.parent)}
+    assert [above[j] for j in ("j5", "j4", "j0")] == ["j4", "j2", ""]
+    np.testing.assert_array_equal(bones.first, bones.joint)
+
+
 def test_a_named_bone_without_skin_is_left_out():
     names = ("hips", "spine", "chest", "neck", "head", "leftUpperArm", "leftLowerArm", "leftHand")
     carried = dict.fromkeys(range(1, 7), 1.0)

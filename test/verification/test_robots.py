@@ -126,6 +126,25 @@ def test_all_links_of_a_ball_joint_turn_in_random_poses(robot):
     assert np.ptp(at_hips, axis=0).max() > 0.1
 
 
+def test_arms_of_robots_go_where_arms_do_in_random_poses(robot):
+    poses = random_poses(robot, 200)
+    elbow, shoulder = (
+        poses[:, robot.rig.index(robot.humanoid[f"left{part}"]), :3, 3]
+        for part in ("LowerArm", "UpperArm")
+    )
+    knee, hip = (
+        poses[:, robot.rig.index(robot.humanoid[f"left{part}"]), :3, 3]
+        for part in ("LowerLeg", "UpperLeg")
+    )
+    arm, thigh = (
+        (a - b) / np.linalg.norm(a - b, axis=1)[:, None]
+        for a, b in ((elbow, shoulder), (knee, hip))
+    )
+    assert np.mean(arm[:, 0] < -0.65) < 0.06  # behind the back
+    assert np.mean(arm[:, 1] < -0.75) < 0.06  # across the chest
+    assert np.mean(thigh[:, 0] > 0.55) > 0.05 > np.mean(thigh[:, 0] < -0.55)
+
+
 def test_hands_of_a_robot_are_kept_off_its_thighs(robot):
     """A clip puts them 2 cm into the side of the thighs."""
     thigh, hand = (skin_of_bones(robot)[bone] for bone in ("leftUpperLeg", "leftHand"))
@@ -191,6 +210,63 @@ def test_a_head_that_turns_is_told_whatever_it_is_called(robot):
     assert body.humanoid["head"] == "camera"
     assert len(body.rig) == len(robot.rig)
     assert body.notes == ("no bone called neck or head: 'camera' taken as the head",)
+
+
+def test_a_chest_that_no_name_tells_is_no_head(robot):
+    """Nor is the first hinge of a shoulder, however high what is on it."""
+    text = robot_urdf(head="").replace("waist_pitch_joint", "upper_body_pitch")
+    ball = '<visual><origin xyz="0 0 0.3"/><geometry><sphere radius="0.05"/></geometry></visual>'
+    for side in ("left", "right"):
+        child = re.search(f'{side}_shoulder_pitch.*?<child link="(.*?)"', text).group(1)
+        assert f'<link name="{child}"></link>' in text
+        text = text.replace(f'<link name="{child}"></link>', f'<link name="{child}">{ball}</link>')
+    body = body_from_urdf(text)
+    assert body.humanoid["head"] == "head"
+    assert body.rig.joint_names[body.rig.parent[-1]] == robot.humanoid["chest"]
+
+
+def test_a_gap_is_a_neck_and_an_antenna_is_no_head():
+    neck = r'<visual><origin xyz="0 0 0\.3".*?</visual>'
+    body = body_from_urdf(re.sub(neck, "", robot_urdf(head="")))
+    z = rest_transforms(body.rig)[body.rig.index("head"), 2, 3]
+    assert 0.36 < z < 0.44  # between the chest, up to 0.37, and the head, from 0.43 on
+    antenna = "".join(
+        f'<visual><origin xyz="0 0 {z}"/><geometry>{shape}</geometry></visual>'
+        for z, shape in (
+            (0.55, '<cylinder radius="0.002" length="0.12"/>'),
+            (0.62, '<sphere radius="0.01"/>'),
+        )
+    )
+    plain, more = (
+        body_from_urdf(
+            robot_urdf(head="").replace('size="0.16 0.14 0.18"/></geometry></visual>', tail)
+        )
+        for tail in (
+            'size="0.16 0.14 0.18"/></geometry></visual>',
+            'size="0.16 0.14 0.18"/></geometry></visual>' + antenna,
+        )
+    )
+    heads = [rest_transforms(b.rig)[b.rig.index("head"), 2, 3] for b in (plain, more)]
+    assert abs(heads[1] - heads[0]) < 0.02
+
+
+def test_a_rig_that_is_said_to_have_no_head_gets_none():
+    body = body_from_urdf(robot_urdf(head=""), humanoid_overrides={"head": None})
+    assert "head" not in body.humanoid
+    assert not body.notes
+
+
+def test_a_cover_at_the_chests_origin_is_not_the_chest(robot):
+    cover = (
+        '<link name="cover"><visual><geometry><sphere radius="0.05"/></geometry></visual></link>'
+        f'<joint name="cover" type="fixed"><parent link="{robot.humanoid["chest"]}"/>'
+        '<child link="cover"/></joint></robot>'
+    )
+    body = body_from_urdf(robot_urdf(head="").replace("</robot>", cover))
+    bones = major_bones(body)
+    assert bones.names[bones.human.index("chest")] == robot.humanoid["chest"]
+    assert np.count_nonzero(bones.parent < 0) == 1
+    assert np.isfinite(random_poses(body, 2)).all()
 
 
 def test_of_a_head_on_several_hinges_the_first_is_its_joint():

@@ -7,7 +7,7 @@ ones, which `JointState` cannot express. Elements that are not URDF are ignored.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -86,32 +86,36 @@ def body_from_urdf(
         rig = replace(rig, T_parent_joint=T_parent_joint)
     skin, notes = rigid_skin(robot, rig, rest_transforms(rig), MeshFinder(source))
     notes = (*notes, *_followers_of_nothing(robot))
-    return with_head(
-        Body(
-            name=robot.get("name") or "robot",
-            rig=rig,
-            skin=skin,
-            humanoid=humanoid,
-            notes=(*notes, TURNED) if turned else notes,
-        )
+    body = Body(
+        name=robot.get("name") or "robot",
+        rig=rig,
+        skin=skin,
+        humanoid=humanoid,
+        notes=(*notes, TURNED) if turned else notes,
     )
+    given = humanoid_overrides or {}
+    has_none = any(given.get(bone, "") is None for bone in ("neck", "head"))
+    return body if has_none else with_head(body)
 
 
 def _followers_of_nothing(robot: Element) -> list[str]:
     """A note of the joints that mimic one that is not there, if there are any."""
-    there = {joint.get("name") for joint in robot.findall("joint")}
-    free = [
-        str(joint.get("name"))
+    there = {joint.get("name", "") for joint in robot.findall("joint")}
+    stay = [
+        joint.get("name", "")
         for joint in robot.findall("joint")
-        for mimic in joint.findall("mimic")
-        if mimic.get("joint", "") not in there
+        if joint.get("type") in _MOVING and _leads_nowhere(joint, there)
     ]
-    if not free:
+    if not stay:
         return []
-    more = ", ..." if len(free) > _SHOWN else ""
-    return [
-        f"joints that mimic one that is not there move freely: {', '.join(free[:_SHOWN])}{more}"
-    ]
+    shown = ", ".join(stay[:_SHOWN]) + (", ..." if len(stay) > _SHOWN else "")
+    return [f"joints that mimic one that is not there stay where they are: {shown}"]
+
+
+def _leads_nowhere(joint: Element, there: Collection[str]) -> bool:
+    """Whether a joint mimics one that is not there."""
+    mimic = joint.find("mimic")
+    return mimic is not None and mimic.get("joint", "") not in there
 
 
 def _named(robot: Element, tag: str, source: str) -> dict[str, Element]:
@@ -194,6 +198,8 @@ def _dofs(
         if link not in above:
             continue
         kind = joints[above[link]].get("type")
+        if kind in _MOVING and _leads_nowhere(joints[above[link]], joints):
+            continue
         if kind in _MOVING:
             moving.append((link_index, above[link]))
         elif kind not in _RIGID:
@@ -223,8 +229,6 @@ def _dofs(
         mimic = joint.find("mimic")
         if mimic is not None:
             leader = mimic.get("joint", "")
-            if leader not in joints:
-                continue  # there is nothing to follow: its own name moves it
             if leader not in channel:
                 raise InputFileError(
                     source, f"joint {name!r} mimics {leader!r}", "allowed: a moving joint's name"

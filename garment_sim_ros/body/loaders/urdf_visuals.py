@@ -31,8 +31,13 @@ MIN_SIZE, MAX_SIZE = 1e-6, 100.0
 
 MAX_SHAPES = 4096
 
-_SIZES = {"box": "size", "sphere": "radius", "cylinder": "radius length", "capsule": "radius"}
-"""What of a shape must not be 0 for it to have a volume."""
+_SIZES = {
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1},
+}
+"""What of a shape must not be 0 for it to have a volume, and how many numbers that is."""
 
 MAX_VERTICES = 2_000_000
 """Largest number of vertices of the whole skin."""
@@ -188,11 +193,16 @@ def _parts(robot: Element, rig: Rig, tag: str, finder: MeshFinder) -> tuple[list
 
 def _is_nothing(shape: Element) -> bool:
     """Whether a shape has no volume: a stand-in of links on which nothing is seen."""
-    sizes = " ".join(shape.get(key, "") for key in _SIZES.get(shape.tag, "").split())
-    try:
-        return any(float(size) == 0.0 for size in sizes.split())
-    except ValueError:
-        return False
+    sizes: list[float] = []
+    for key, count in _SIZES.get(shape.tag, {}).items():
+        try:
+            found = [float(size) for size in shape.get(key, "").split()]
+        except ValueError:
+            return False
+        if len(found) != count or not all(0.0 <= size <= MAX_SIZE for size in found):
+            return False
+        sizes += found
+    return 0.0 in sizes
 
 
 def _triangulated(

@@ -164,7 +164,7 @@ def _random_poses(body: Body, bones: MajorBones) -> FloatArray:
     The first is no motion; in the others every joint is turned within its range.
     """
     rng = np.random.default_rng(0)
-    pivot = rest_transforms(body.rig)[bones.joint][:, :3, 3]
+    pivot = rest_transforms(body.rig)[bones.first][:, :3, 3]
     owner = bone_weights(body.skin, bones).argmax(axis=1)
     motions = np.tile(np.eye(4), (_POSES, len(bones), 1, 1))
     for m, human in enumerate(bones.human):
