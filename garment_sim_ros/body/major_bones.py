@@ -76,10 +76,8 @@ def major_bones(body: Body, *, also: tuple[str, ...] = ()) -> MajorBones:
     """
     carried = joint_areas(body.skin)
     named = {body.rig.index(body.humanoid[b]) for b in (*HUMAN_MAJOR, *also) if b in body.humanoid}
-    same = _in_one_place(body.rig)
-    last = {j: _end_of_ball_joint(j, named, body.rig.parent, same, carried) for j in named}
-    if len(named) < _MIN_HUMAN_BONES:
-        last = {}
+    enough = len(named) >= _MIN_HUMAN_BONES
+    last = _ends_of_ball_joints(body.rig, named, carried) if enough else {}
     chosen = set(last.values()) or _by_size(body.rig.parent, carried)
     within = _within_ball_joints(last, body.rig.parent)
     owner_joint = _nearest_chosen(body.rig.parent, chosen, within)
@@ -101,7 +99,7 @@ def major_bones(body: Body, *, also: tuple[str, ...] = ()) -> MajorBones:
     root = joint[0]
     if "hips" in body.humanoid:
         hips = body.rig.index(body.humanoid["hips"])
-        root = _end_of_ball_joint(hips, named, body.rig.parent, same, carried)
+        root = last.get(hips, hips)
     return MajorBones(
         names=tuple(body.rig.joint_names[j] for j in joint),
         joint=joint,
@@ -139,38 +137,40 @@ def _in_one_place(rig: Rig) -> NDArray[np.bool_]:
     return same & (rig.parent >= 0)
 
 
-def _end_of_ball_joint(
-    joint: int,
-    named: set[int],
-    parent: IntArray,
-    same: NDArray[np.bool_],
-    carried: FloatArray,
-) -> int:
-    """The last of the joints at one place that has skin: the one that makes all the turns.
+def _ends_of_ball_joints(rig: Rig, named: set[int], carried: FloatArray) -> dict[int, int]:
+    """Of the joints in the place of each named one the last that has skin: it makes all turns.
 
-    All bones below the first one hang on it: a twist joint or a cover beside them is none.
+    All named joints below hang on it, and where there are none most of the skin: a twist joint,
+    or a cover, beside them is no end.
     """
-    last = candidate = joint
-    while True:
-        below = np.flatnonzero((parent == candidate) & same).tolist()
-        if len(below) != 1 or below[0] in named:
-            return last
-        if _carries_any(parent, candidate, below[0], named):
-            return last
-        candidate = below[0]
-        if carried[candidate] > 0.0:
-            last = candidate
+    same = _in_one_place(rig)
+    children: list[list[int]] = [[] for _ in range(len(rig))]
+    bones = np.zeros(len(rig), np.int64)
+    bones[list(named)] = 1
+    skin = carried.copy()
+    for j in range(len(rig) - 1, -1, -1):
+        above = int(rig.parent[j])
+        if above >= 0:
+            children[above].append(j)
+            bones[above] += bones[j]
+            skin[above] += skin[j]
 
+    def next_one(joint: int) -> int | None:
+        below = bones[joint] - (joint in named)
+        for child in children[joint]:
+            if same[child] and child not in named and bones[child] == below:
+                return child if below or skin[child] > 0.5 * skin[joint] else None
+        return None
 
-def _carries_any(parent: IntArray, joint: int, but: int, named: set[int]) -> bool:
-    """Whether a joint carries one of the named ones otherwise than by one of its children."""
-    for other in named:
-        before = at = other
-        while at >= 0 and at != joint:
-            before, at = at, int(parent[at])
-        if at == joint and before not in (joint, but):
-            return True
-    return False
+    ends = {}
+    for joint in named:
+        ends[joint] = joint
+        candidate = next_one(joint)
+        while candidate is not None:
+            if carried[candidate] > 0.0:
+                ends[joint] = candidate
+            candidate = next_one(candidate)
+    return ends
 
 
 def _by_size(parent: IntArray, carried: FloatArray) -> set[int]:

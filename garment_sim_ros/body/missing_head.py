@@ -20,6 +20,7 @@ from garment_sim_ros.geometry.topology import edge_table
 from garment_sim_ros.geometry.transforms import invert_transform
 from garment_sim_ros.geometry.triangles import vertex_areas
 
+_FIXED, _ELSEWHERE = -1, -2
 _LEVELS = 48
 _HEAD = 1.1
 """A head is so much wider than the neck under it, from side to side."""
@@ -49,12 +50,13 @@ def with_head(body: Body) -> Body:
     shoulders = [rig.index(humanoid[f"{side}UpperArm"]) for side in ("left", "right")]
     chest, arms = _chest_and_arms(rig, shoulders)
     owner = body.skin.bone[:, 0]
-    is_trunk = ~rig.below(*arms)[owner]
+    turning = _turning_on(rig, chest)
+    is_trunk = ~rig.below(*arms)[owner] & (turning[owner] > _ELSEWHERE)
     place = _neck(x, body.skin.triangles, is_trunk, T[shoulders, :3, 3].mean(axis=0))
     is_head = is_trunk & (x[:, 2] > place[2])
-    turning = _turning_on(rig, chest)
     area = is_head * vertex_areas(x, body.skin.triangles)
-    top = int(np.bincount(turning[owner] + 1, area, minlength=len(rig) + 1).argmax()) - 1
+    at = turning[owner] - _ELSEWHERE
+    top = int(np.bincount(at, area, minlength=1).argmax()) + _ELSEWHERE
     if is_head.any() and top >= 0 and not rig.below(top)[arms].any():
         name = rig.joint_names[top]
         note = f"no bone called neck or head: {name!r} taken as the head"
@@ -74,7 +76,7 @@ def with_head(body: Body) -> Body:
             parent=np.append(rig.parent, chest),
             T_parent_joint=np.concatenate([rig.T_parent_joint, T_chest_head[None]]),
         ),
-        skin=_carried(body.skin, is_head & (turning[owner] < 0), chest, T_chest_head),
+        skin=_carried(body.skin, is_head & (turning[owner] == _FIXED), chest, T_chest_head),
         humanoid={**humanoid, "head": name},
         notes=(*body.notes, note),
     )
@@ -96,8 +98,8 @@ def _neck(
             across = x[a] + s[:, None] * (x[b] - x[a])
             sections.append((across.min(axis=0), across.max(axis=0)))
         elif sections:  # a gap, as between a chest and a head on a hidden neck
-            middle = 0.5 * (sections[-1][0] + sections[-1][1])
-            sections.append(((middle := np.array([*middle[:2], z])), middle))
+            middle = np.append(np.mean(sections[-1], axis=0)[:2], z)
+            sections.append((middle, middle))
     if not sections:
         return shoulders
     low, high = np.swapaxes(sections, 0, 1)
@@ -125,12 +127,15 @@ def _chest_and_arms(rig: Rig, shoulders: Sequence[int]) -> tuple[int, list[int]]
 
 
 def _turning_on(rig: Rig, chest: int) -> IntArray:
-    """The first joint that turns on the way from the chest to each one, -1 for none, shape [n]."""
+    """The first joint that turns on the way from the chest to each one, shape [n].
+
+    `_FIXED` for joints that move with the chest, `_ELSEWHERE` for those that it does not carry.
+    """
     hinges = set(rig.dofs.joint.tolist())
     while chest not in hinges and rig.parent[chest] >= 0:
         chest = int(rig.parent[chest])
     below = rig.below(chest)
-    turning = np.full(len(rig), -1, np.int32)
+    turning = np.where(below, _FIXED, _ELSEWHERE)
     for j, above in enumerate(rig.parent):
         if j == chest or not below[j]:
             continue

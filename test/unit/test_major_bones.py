@@ -123,6 +123,39 @@ def test_a_twist_joint_beside_a_bone_is_no_end_of_its_joint(twist_first):
     np.testing.assert_array_equal(bones.first, bones.joint)
 
 
+@pytest.mark.parametrize(("spinner", "last"), [(0.2, "j4"), (3.0, "j5")])
+def test_a_head_ends_where_most_of_it_is(spinner, last):
+    """A small thing that spins on it is not it; the second hinge of a neck is."""
+    names = ("hips", "spine", "chest", "neck", "head")
+    arms = ("leftUpperArm", "leftLowerArm", "leftHand")
+    body = rigid_chain([0, 1, 1, 1, 1, 0], {**dict.fromkeys(range(5), 1.0), 5: spinner})
+    joint_names = (*body.rig.joint_names, "a0", "a1", "a2")
+    skin = body.skin
+    T = np.concatenate([body.rig.T_parent_joint, np.repeat(body.rig.T_parent_joint[1:2], 3, 0)])
+    rig = dataclasses.replace(
+        body.rig,
+        joint_names=joint_names,
+        parent=np.append(body.rig.parent, [2, 6, 7]),
+        T_parent_joint=T,
+    )
+    more = np.repeat(skin.T_bone_bind[:1], 3, axis=0)
+    skin = dataclasses.replace(skin, T_bone_bind=np.concatenate([skin.T_bone_bind, more]))
+    humanoid = dict(zip((*names, *arms), ("j0", "j1", "j2", "j3", "j4", "a0", "a1", "a2")))
+    bones = major_bones(dataclasses.replace(body, rig=rig, skin=skin, humanoid=humanoid))
+    assert bones.names[bones.human.index("head")] == last
+
+
+def test_bones_of_a_long_row_of_joints_at_one_place_are_found_at_once():
+    """A robot with 4,000 fixed links at its hips."""
+    names = ("hips", "spine", "chest", "neck", "head", "leftUpperArm", "leftLowerArm", "leftHand")
+    n = 4000
+    body = rigid_chain([0] * (n + 1) + [1] * 7, {n + k: 1.0 for k in range(8)})
+    humanoid = {name: f"j{n + k}" for k, name in enumerate(names)} | {"hips": "j0"}
+    bones = major_bones(dataclasses.replace(body, humanoid=humanoid))
+    assert bones.names[0] == f"j{n}"
+    assert bones.first[0] == 0
+
+
 def test_a_named_bone_without_skin_is_left_out():
     names = ("hips", "spine", "chest", "neck", "head", "leftUpperArm", "leftLowerArm", "leftHand")
     carried = dict.fromkeys(range(1, 7), 1.0)

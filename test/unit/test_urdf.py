@@ -257,6 +257,18 @@ def test_a_joint_that_mimics_nothing_stays():
     assert not len(body.rig.dofs)
 
 
+def test_what_follows_a_joint_that_stays_stays_too():
+    chain = [("a", "b", "x"), ("b", "c", "j0"), ("c", "d", "j1"), ("d", "e", "j4"), ("e", "f", "")]
+    text = tree(
+        "".join(
+            joint(up, low, f'<mimic joint="{lead}"/>' if lead else "", name=f"j{k}")
+            for k, (up, low, lead) in enumerate(chain)
+        ),
+        "abcdef",
+    )
+    assert parse_urdf(text).dofs.names == ("j3", "j4")
+
+
 def test_collision_geometry_stands_in_for_missing_visuals():
     body = body_from_urdf(
         '<robot name="r"><link name="a"><collision><geometry><sphere radius="1"/></geometry>'

@@ -7,7 +7,7 @@ ones, which `JointState` cannot express. Elements that are not URDF are ignored.
 """
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -85,7 +85,10 @@ def body_from_urdf(
         T_parent_joint[0, :3] = R @ T_parent_joint[0, :3]
         rig = replace(rig, T_parent_joint=T_parent_joint)
     skin, notes = rigid_skin(robot, rig, rest_transforms(rig), MeshFinder(source))
-    notes = (*notes, *_followers_of_nothing(robot))
+    if stay := _followers_of_nothing(_named(robot, "joint", source)):
+        shown = ", ".join(stay[:_SHOWN]) + (", ..." if len(stay) > _SHOWN else "")
+        note = f"joints that mimic one that is not there stay where they are: {shown}"
+        notes = (*notes, note)
     body = Body(
         name=robot.get("name") or "robot",
         rig=rig,
@@ -94,28 +97,27 @@ def body_from_urdf(
         notes=(*notes, TURNED) if turned else notes,
     )
     given = humanoid_overrides or {}
-    has_none = any(given.get(bone, "") is None for bone in ("neck", "head"))
-    return body if has_none else with_head(body)
+    return body if given.get("head", "") is None else with_head(body)
 
 
-def _followers_of_nothing(robot: Element) -> list[str]:
-    """A note of the joints that mimic one that is not there, if there are any."""
-    there = {joint.get("name", "") for joint in robot.findall("joint")}
-    stay = [
-        joint.get("name", "")
-        for joint in robot.findall("joint")
-        if joint.get("type") in _MOVING and _leads_nowhere(joint, there)
-    ]
-    if not stay:
-        return []
-    shown = ", ".join(stay[:_SHOWN]) + (", ..." if len(stay) > _SHOWN else "")
-    return [f"joints that mimic one that is not there stay where they are: {shown}"]
-
-
-def _leads_nowhere(joint: Element, there: Collection[str]) -> bool:
-    """Whether a joint mimics one that is not there."""
-    mimic = joint.find("mimic")
-    return mimic is not None and mimic.get("joint", "") not in there
+def _followers_of_nothing(joints: Mapping[str, Element]) -> list[str]:
+    """Moving joints that mimic one that is not there, or another one of these, in their order."""
+    leader = {}
+    for name, joint in joints.items():
+        mimic = joint.find("mimic")
+        if mimic is not None and joint.get("type") in _MOVING:
+            leader[name] = mimic.get("joint", "")
+    is_lost: dict[str, bool] = {}
+    for name in leader:
+        row: dict[str, bool] = {}
+        at = name
+        while at in leader and at not in is_lost and at not in row:
+            row[at] = True
+            at = leader[at]
+        # Whoever mimics in a circle is told elsewhere.
+        lost = is_lost.get(at, at not in joints)
+        is_lost.update(dict.fromkeys(row, lost))
+    return [name for name in leader if is_lost[name]]
 
 
 def _named(robot: Element, tag: str, source: str) -> dict[str, Element]:
@@ -194,11 +196,12 @@ def _dofs(
 ) -> Dofs:
     """The channels of all moving joints, in the order of the links that they move."""
     moving: list[tuple[int, str]] = []
+    stay = set(_followers_of_nothing(joints))
     for link_index, link in enumerate(order):
         if link not in above:
             continue
         kind = joints[above[link]].get("type")
-        if kind in _MOVING and _leads_nowhere(joints[above[link]], joints):
+        if above[link] in stay:
             continue
         if kind in _MOVING:
             moving.append((link_index, above[link]))
