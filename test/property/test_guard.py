@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from naive import guard as naive
 
 from garment_sim_ros import ColliderSet, Garment, Simulation
+from garment_sim_ros.contact.guard import guard as guards
 from garment_sim_ros.contact.guard.crossing import APART, CROSSED, crossing
 from garment_sim_ros.contact.guard.guard import Guard
 from garment_sim_ros.contact.guard.nearest import nearest, way_out
@@ -132,6 +133,23 @@ def test_the_guard_is_what_holds_it(monkeypatch):
     monkeypatch.setattr(Guard, "of", lambda *args: Guard.none(args[-1].shape[1]))
     share, _ = push_through(curtain(), BODY, [along_x(float(y)) for y in SWAY])
     assert share > 0.02
+
+
+@pytest.mark.parametrize("may_be", [True, False])
+def test_a_limb_that_may_be_on_either_side_stays_where_it_comes_from(monkeypatch, may_be):
+    """An arm before the chest. What the cloth is worn on would be let back under it."""
+    real = guards.outside
+
+    def found(*args):
+        none = np.zeros_like(real(*args)[0])
+        return none, none | may_be
+
+    monkeypatch.setattr(guards, "outside", found)
+    onto_outer_face = -0.15 * np.cos(np.linspace(0.0, np.pi, 90))
+    _, simulation = push_through(curtain(), BODY, [along_x(float(y)) for y in onto_outer_face])
+    x = simulation.positions("cloth")
+    at_rod = np.abs(x[:, 2] + 0.42) < 0.06
+    assert (np.median(x[at_rod, 1]) > 0.13) == may_be
 
 
 def test_cloth_beside_pins_is_not_thrown():

@@ -45,7 +45,7 @@ UNKNOWN = [[np.nan] * 3] * 2
 def test_a_core_is_outside_of_what_faces_it(core, side, expected):
     x, triangles = trunk_of_a_shirt()
     sides = np.full((1, len(x)), side, np.int8)
-    (found,) = outside(sides, np.array([core]), triangles, x, LONGEST)
+    (found,), (either,) = outside(sides, np.array([core]), triangles, x, LONGEST)
     facing = x[triangles].mean(axis=1)[:, 0] > 0.9 * RADIUS
     averted = x[triangles].mean(axis=1)[:, 0] < 0.2 * RADIUS
     if expected == "those that face it":
@@ -53,6 +53,8 @@ def test_a_core_is_outside_of_what_faces_it(core, side, expected):
         assert not found[averted].any()
     else:
         assert found.all() if expected == "all" else not found.any()
+    # What is against a part of the cloth, and not outside of it, may be on either side.
+    assert np.array_equal(either, ~found if side == OPPOSED else np.zeros_like(found))
 
 
 def test_most_corners_that_are_free_decide():
@@ -60,7 +62,7 @@ def test_most_corners_that_are_free_decide():
     free = len(x) - AROUND  # those of the uppermost ring are pinned
     sides = np.full((1, free), PASSING, np.int8)
     sides[0, :AROUND] = UNDER
-    (found,) = outside(sides, np.array([SPINE]), triangles, x, LONGEST)
+    (found,), _ = outside(sides, np.array([SPINE]), triangles, x, LONGEST)
     passing = np.count_nonzero((triangles >= AROUND) & (triangles < free), axis=1)
     under = np.count_nonzero(triangles < AROUND, axis=1)
     assert np.array_equal(found, passing > under)

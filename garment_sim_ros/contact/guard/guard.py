@@ -35,6 +35,7 @@ class Guard(NamedTuple):
         corner: Corners of the triangles of each block, each once, one block after the other.
         corner_start: First corner of each block and the end, shape [b + 1].
         outside: Whether each core belongs outside of each triangle, not under it, shape [c, t].
+        either: Whether it may be on either side of it, shape [c, t].
         box: Scratch: boxes of blocks of triangles [m], shape [b, 6].
         posed: Scratch: ends of the cores at the last search and now [m], shape [2, c, 2, 3].
         columns: Scratch: the same boxes, see `geometry.boxes`.
@@ -59,6 +60,7 @@ class Guard(NamedTuple):
     corner: IntArray
     corner_start: IntArray
     outside: NDArray[np.bool_]
+    either: NDArray[np.bool_]
     box: SingleArray
     posed: FloatArray
     columns: SingleArray
@@ -102,6 +104,7 @@ class Guard(NamedTuple):
         corners = [np.unique(triangles[b : b + BLOCK]) for b in range(0, t, BLOCK)]
         T = T_world_rest[cores.collider[used]]
         rest = np.einsum("cij,cej->cei", T[:, :3, :3], cores.ends[used]) + T[:, None, :3, 3]
+        out, either = outside(side[shape], rest, triangles, x_rest, float(shapes.longest))
         return cls(
             shape=shape,
             ends=np.ascontiguousarray(cores.ends[used]),
@@ -109,7 +112,8 @@ class Guard(NamedTuple):
             triangles=triangles,
             corner=np.concatenate([*corners, np.zeros(0, np.int32)]).astype(np.int32),
             corner_start=np.cumsum([0, *map(len, corners)], dtype=np.int32),
-            outside=outside(side[shape], rest, triangles, x_rest, float(shapes.longest)),
+            outside=out,
+            either=either,
             box=np.zeros((-(-t // BLOCK), 6), np.float32),
             posed=np.zeros((2, c, 2, 3)),
             columns=np.zeros(6 * column_of(-(-t // BLOCK)), np.float32),
@@ -135,6 +139,7 @@ class Guard(NamedTuple):
             corner=np.zeros(0, np.int32),
             corner_start=np.zeros(1, np.int32),
             outside=np.zeros((0, 0), np.bool_),
+            either=np.zeros((0, 0), np.bool_),
             box=np.zeros((0, 6), np.float32),
             posed=np.zeros((2, 0, 2, 3)),
             columns=np.zeros(0, np.float32),

@@ -197,7 +197,7 @@ def _find_side(guard, x_before, x, c, t, m, distance, u, v):
     # What is under the cloth has its inner face before it. A triangle that comes with the outer
     # one, or around the core, has no business there: contact gets it away, in most cases.
     outside = guard.outside[c, t]
-    strange = how == FOUND_IN or dot(came_from, n) < 0.0
+    strange = how == FOUND_IN or (dot(came_from, n) < 0.0 and not guard.either[c, t])
     if strange and not (known or outside):
         return
     guard.seen[c, t] = now

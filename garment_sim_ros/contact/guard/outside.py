@@ -3,7 +3,8 @@
 What passes a garment by is outside of all of it. What it is worn on elsewhere is outside of the
 triangles that face it at rest, as the arm is of a shirt's side, and of those that it is far away
 from. What is beside or behind a triangle at rest is not: the chest is not outside of the sleeve
-that begins on it, nor of the shirt's side below.
+that begins on it, nor of the shirt's side below. It may be on either side of such a triangle: an
+arm that hangs beside the chest at rest comes before it, and stays there.
 """
 
 import numpy as np
@@ -20,8 +21,8 @@ _NEAR = 0.5
 
 def outside(
     side: NDArray[np.int8], ends: FloatArray, triangles: IntArray, x: FloatArray, longest: float
-) -> NDArray[np.bool_]:
-    """Whether each core belongs outside of each triangle, shape [c, t].
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Whether each core belongs outside of each triangle, or may be on either side, each [c, t].
 
     Args:
         side: The side on which its shape is of each free particle, see `Sides`, shape [c, n].
@@ -38,8 +39,9 @@ def outside(
         return count > half
 
     passes = of_most_corners((side == PASSING) | (side == LET_GO))
-    beside = _beside(ends, x[triangles], _NEAR * longest)
-    return of_most_corners(side != UNDER) & (passes | ~beside)
+    beside = _beside(ends, x[triangles], _NEAR * longest) & ~passes
+    over = of_most_corners(side != UNDER)
+    return over & ~beside, over & beside
 
 
 def _beside(ends: FloatArray, corners: FloatArray, near: float) -> NDArray[np.bool_]:
