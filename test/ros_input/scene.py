@@ -74,8 +74,12 @@ class Scene:
         )
 
     def settle(self):
-        """Wait until what has happened is over: what the diagnostics count stays as it is."""
+        """Wait until the cloth is where the source is, and what has happened is over."""
         self.follow()
+        self.calm_down()
+
+    def calm_down(self):
+        """Wait until what has happened is over: what the diagnostics count stays as it is."""
         before = {}
 
         def is_over():
@@ -98,7 +102,7 @@ class Scene:
         now = self.fresh()
         if before is not None and all(now[key] == before[key] for key in _TOO_MUCH):
             assert _pierced(now) == _pierced(before)
-        self.settle()
+        self.calm_down()
         self.assert_well()
 
     def assert_well(self):

@@ -61,11 +61,12 @@ def test_a_skirt_begins_outside_of_thin_shapes_and_rests(ellipsoids, monkeypatch
     assert (depths(skirt, *ellipsoids[1:]) < -0.001).sum() <= 3
     assert speed(skirt, *ellipsoids[1:]) < 0.005
 
-    # By the short way out of the nearest shape alone it is left in them, and shakes.
+    # By the short way out of the nearest shape alone it is left in them, and shakes: by 12 to
+    # 55 mm/s from starts that differ by micrometres, instead of 0.1.
     monkeypatch.setattr(letting_out, "_STEPS", 0)
     inside = skirt_on(*ellipsoids[:2])
     assert (depths(inside, *ellipsoids[1:]) < -0.001).sum() > 20
-    assert speed(inside, *ellipsoids[1:]) > 0.02
+    assert speed(inside, *ellipsoids[1:]) > 0.005
 
 
 def test_what_does_not_get_out_that_way_stays_where_it_is(ellipsoids, monkeypatch):
