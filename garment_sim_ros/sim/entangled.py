@@ -13,7 +13,7 @@ from garment_sim_ros.arrays import SingleArray
 from garment_sim_ros.contact.shapes import ColliderPoses
 from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.rewinding import Rewinding
-from garment_sim_ros.sim.winding_back import carried, may_stretch, set_out
+from garment_sim_ros.sim.winding_back import carried, set_out
 from garment_sim_ros.sim.worn import Worn
 
 _LOOKS = 4
@@ -28,6 +28,8 @@ _CROSSED = 0.005
 """Edges that run through the other garment, as a share of those of the smaller one."""
 _TANGLED = 0.001
 """Particles that stay through the other garment, as a share of both garments'."""
+_STRETCHED = 0.01
+"""Share of a garment's edges that may be overstretched there: on a body at rest soon none are."""
 _BETTER = 0.5
 """They are wound back to what has at most this share of their crossings."""
 
@@ -93,7 +95,7 @@ def _as_put_on(worn: Worn, rewinding: Rewinding, poses: ColliderPoses) -> Single
 
 def _is_well(worn: Worn, x: SingleArray, rewinding: Rewinding, poses: ColliderPoses) -> bool:
     """Whether it may be put there [m], shape [v, 3]."""
-    return rewinding.is_well(worn, x, poses, may_stretch(worn, rewinding.positions(worn)))
+    return rewinding.is_well(worn, x, poses, _STRETCHED)
 
 
 def _wind_back(worn: Worn, x: SingleArray, rewinding: Rewinding, poses: ColliderPoses) -> None:
