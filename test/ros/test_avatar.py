@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
+from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 
@@ -58,7 +58,7 @@ def test_a_walk_in_simulated_time(start_node, make_probe, until, tmp_path):
         assert "Traceback" not in node.output
 
 
-def test_each_node_can_be_cleaned_up_and_set_up_again(start_node, make_probe, tmp_path):
+def test_each_node_can_be_cleaned_up_and_set_up_again(start_node, make_probe, until, tmp_path):
     namespace = "/avatar_by_hand"
     outfit = tmp_path / "outfit.yaml"
     outfit.write_text(OUTFIT)
@@ -84,9 +84,13 @@ def test_each_node_can_be_cleaned_up_and_set_up_again(start_node, make_probe, tm
         change(name, *down, *up)
         probe.next(points, 5)
     change("cloth_node", *down)
-    count = len(probe.received(points))
-    change("cloth_node", Transition.TRANSITION_CONFIGURE)  # configured, it is silent
-    assert len(probe.received(points)) == count
+
+    def state():
+        return probe.call(GetState, "cloth_node/get_state", GetState.Request())
+
+    until(lambda: probe.silent_while(points, state), "no more frames")
+    configure = Transition.TRANSITION_CONFIGURE  # configured, it is silent
+    assert probe.silent_while(points, lambda: change("cloth_node", configure))
     for node in nodes:
         node.send(signal.SIGTERM)
         assert node.wait() == 0

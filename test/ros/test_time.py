@@ -218,12 +218,10 @@ def test_the_player_follows_a_clock(playing, start_node, make_probe):
     source.playing = False
     follows()
 
-    def stands_still():
-        count = len(probe.received(joints))
-        playing.fresh()
-        return len(probe.received(joints)) == count
-
-    playing.until(stands_still, "what is on its way has come, and no more")
+    playing.until(
+        lambda: probe.silent_while(joints, playing.fresh),
+        "what is on its way has come, and no more",
+    )
     source.step()
     probe.next(joints)
     source.playing, source.rate = True, 10.0

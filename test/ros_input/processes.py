@@ -161,6 +161,16 @@ class Probe:
         )
         return self._received[name][start : start + count]
 
+    def silent_while(self, name: str, meanwhile: Callable[[], Any]) -> bool:
+        """Whether nothing came on a topic between the begin and the end of `meanwhile`.
+
+        To be waited for where a publisher has just stopped: topics come one by one, so what was
+        published before may come after a status or an answer that tells of the stop.
+        """
+        count = len(self._received[name])
+        meanwhile()
+        return len(self._received[name]) == count
+
     def publish(self, topic: Any, message: Any) -> None:
         """Publish on a topic of `ros.topics`, after its reader has been found."""
         if topic.name not in self._publishers:
