@@ -32,6 +32,7 @@ TEST = ["hypothesis>=6.98", "networkx>=2.8", "psutil>=5.9", "pytest>=8", "pytest
 CHECK = ["import-linter~=2.12", "mypy~=2.4.0", "ruff~=0.17.0"]  # their rules change with versions
 DOCS = ["pdoc~=16.0"]
 VIEW = ["viser~=1.1.1"]  # no rosdep key: optional, found at run time
+DRACO = ["DracoPy>=1.7"]  # no rosdep key: optional, found at run time
 MACHINES = ["distributed>=2024.8"]  # no rosdep key: optional, found at run time
 USD = ["usd-core>=24.8"]  # no rosdep key: optional, found at run time
 
@@ -58,10 +59,11 @@ setup(
         "ros": ROS,
         "test": TEST,
         "docs": DOCS,
+        "draco": DRACO,
         "machines": MACHINES,
         "usd": USD,
         "view": VIEW,
-        "dev": TEST + CHECK + DOCS + VIEW + MACHINES,
+        "dev": TEST + CHECK + DOCS + DRACO + VIEW + MACHINES,
     },
     entry_points={
         "console_scripts": [

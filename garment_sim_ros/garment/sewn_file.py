@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from garment_sim_ros.arrays import AnyArray, FloatArray, IntArray
+from garment_sim_ros.body.loaders.gltf_draco import decompress
 from garment_sim_ros.body.loaders.gltf_file import GltfFile
 from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.garment.mesh_data import GarmentMesh
@@ -109,6 +110,7 @@ def read_sewn(path: str | Path) -> GarmentMesh | None:
     primitives = file.items(meshes[0], "primitives", dict)
     if len(primitives) != 1 or not isinstance(primitives[0].get("attributes"), dict):
         raise file.error("is damaged: a sewn garment has one primitive")
+    decompress(file, primitives[0])
     of = primitives[0]["attributes"]
     x = np.asarray(file.accessor(of, "POSITION", "VEC3"), np.float64) @ AXES_FROM_Y_UP.T
     threads = np.asarray(file.accessor(of, "_THREADS", "VEC2"), np.float64)

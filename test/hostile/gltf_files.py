@@ -3,6 +3,7 @@
 import numpy as np
 import trimesh
 
+from garment_sim_ros.body.loaders.gltf_file import DRACO
 from garment_sim_ros.glb_writer import GlbWriter
 
 
@@ -16,6 +17,14 @@ class Builder(GlbWriter):
 
     def accessor(self, array, dtype, normalized=False):
         return super().accessor(np.asarray(array, dtype="<" + dtype), normalized=normalized)
+
+    def values(self, accessor):
+        """What an accessor holds, a row for each element."""
+        entry = self.json["accessors"][accessor]
+        view = self.json["bufferViews"][entry["bufferView"]]
+        dtype = {5121: "<u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}[entry["componentType"]]
+        data = self.binary[view["byteOffset"] :][: view["byteLength"]]
+        return np.frombuffer(data, dtype).reshape(entry["count"], -1)
 
     def glb(self, path):
         self.write(path)
@@ -74,4 +83,28 @@ def document(*, seams=False, weight=("f4", 1.0, False), scale=1.0, root_scale=1.
             ]
         }
     ]
+    return b
+
+
+def compressed(b, *, keep_order=True):
+    """A document whose primitives Draco holds; its accessors have no data of their own."""
+    import DracoPy
+
+    for primitive in (p for mesh in b.json["meshes"] for p in mesh["primitives"]):
+        arrays = {key: b.values(a) for key, a in primitive["attributes"].items()}
+        others = [key for key in arrays if key != "POSITION"]
+        data = DracoPy.encode(
+            arrays["POSITION"],
+            b.values(primitive["indices"]).reshape(-1, 3),
+            quantization_bits=20,
+            preserve_order=keep_order,
+            generic_attributes={n: arrays[key] for n, key in enumerate(others, start=7)},
+        )
+        mesh = DracoPy.decode(data)
+        first = next(a["unique_id"] for a in mesh.attributes if a["attribute_type"] == 0)
+        ids = {"POSITION": first} | {key: n for n, key in enumerate(others, start=7)}
+        primitive["extensions"] = {DRACO: {"bufferView": b.view(data), "attributes": ids}}
+        for accessor in (*primitive["attributes"].values(), primitive["indices"]):
+            b.json["accessors"][accessor].pop("bufferView")
+    b.json["extensionsRequired"] = b.json["extensionsUsed"] = [DRACO]
     return b

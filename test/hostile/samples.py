@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ from garment_sim_ros.garment.patterns.pieces import cut
 from garment_sim_ros.garment.sewn_file import write_sewn
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.recording.bags import read_recording
-from hostile.gltf_files import document
+from hostile.gltf_files import compressed, document
 
 BVH = """HIERARCHY
 ROOT Hips
@@ -125,6 +126,9 @@ def _bodies(folder: Path) -> dict[str, Sample]:
         made[f"body {suffix}"] = Sample(path, partial(load_body, path))
     binary = document().glb(_file(folder / "glb", "body.glb", b""))
     made["body glb"] = Sample(binary, partial(load_body, binary))
+    if find_spec("DracoPy"):
+        draco = compressed(document()).glb(_file(folder / "draco", "body.glb", b""))
+        made["body glb draco"] = Sample(draco, partial(load_body, draco))
     b = document()
     uri = "data:application/octet-stream;base64," + base64.b64encode(b.binary).decode()
     b.json["buffers"] = [{"byteLength": len(b.binary), "uri": uri}]

@@ -90,7 +90,7 @@ def change(target, **values):
         (change("asset", version="1.0"), "version '1.0'"),
         (change(lambda b: b.json, nodes=5), "nodes is malformed"),
         (change(lambda b: b.json, nodes=[]), "0 nodes"),
-        (change(lambda b: b.json, extensionsRequired=["KHR_draco_mesh_compression"]), "draco"),
+        (change(lambda b: b.json, extensionsRequired=["EXT_meshopt_compression"]), "meshopt"),
         (change(lambda b: b.json["nodes"][0], children=[99]), "child 99"),
         (change(lambda b: b.json["nodes"][0], scale=[1, 1]), "3 finite numbers"),
         (change(lambda b: b.json["nodes"][0], rotation=[0, 0, 0, 0]), "rotation"),

@@ -41,6 +41,7 @@ OPTIONAL = {
     "launch",
     "launch_ros",
     "ament_index_python",
+    "DracoPy",
     "distributed",
     "pxr",
     "tf2_msgs",

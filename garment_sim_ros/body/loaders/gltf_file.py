@@ -28,14 +28,19 @@ _FREE_NUMBERS = 100_000
 """Numbers that accessors may give in all, per byte of the file and beside: the same bytes may be
 shown many times, which takes as much work as if they were there."""
 
+DRACO = "KHR_draco_mesh_compression"
 SUPPORTED_EXTENSIONS = frozenset(
     {
+        DRACO,
         *("KHR_mesh_quantization", "KHR_texture_transform", "KHR_materials_unlit", "VRM"),
         *("VRMC_vrm", "VRMC_materials_mtoon", "VRMC_springBone", "VRMC_node_constraint"),
         *("KHR_texture_basisu", "EXT_texture_webp", "KHR_materials_pbrSpecularGlossiness"),
     }
 )
-"""Required extensions that do not change the geometry, or that are understood."""
+"""Required extensions that do not change the geometry, or that are understood.
+
+`gltf_draco` understands that of Draco.
+"""
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -71,10 +76,11 @@ class GltfFile:
         if required:
             raise self.error(
                 f"needs the extension {', '.join(sorted(required))}",
-                "allowed: files exported without mesh compression",
+                "allowed: files exported without mesh compression, or with Draco's",
             )
         self._buffers: dict[int, bytes] = {}
         self._given = 0
+        self._decoded: dict[int, NDArray[Any]] = {}
 
     def error(self, problem: str, allowed: str = "") -> InputFileError:
         """An error about this file."""
@@ -147,7 +153,11 @@ class GltfFile:
             raise self.error(f"{key} declares {count} elements", f"allowed: 1 to {MAX_ELEMENTS}")
         width = _WIDTH[kind]
         dtype = np.dtype(_COMPONENTS[component])
-        if "bufferView" in accessor:
+        if (decoded := self._decoded.get(owner[key])) is not None:
+            raw, count = decoded.astype(dtype, copy=False), len(decoded)
+            if raw.shape[1] != width:
+                raise self.error(f"{key} has {raw.shape[1]} numbers each", f"allowed: {width}")
+        elif "bufferView" in accessor:
             raw = self._elements(accessor, dtype, width, count)
         elif "sparse" in accessor:
             if count > self.size:
@@ -169,6 +179,35 @@ class GltfFile:
         else:
             values = raw.astype(np.int64)
         return values[:, 0] if kind == "SCALAR" else values
+
+    def extension_of(self, owner: dict[str, Any], name: str) -> dict[str, Any] | None:
+        """An extension of a part of the file, None where it has none of that name."""
+        extensions = self._object(owner.get("extensions", {}), "extensions")
+        value = extensions.get(name)
+        return None if value is None else self._object(value, name)
+
+    def lacks_data(self, index: Any) -> bool:
+        """Whether an accessor is there, and has neither data in the file nor any given."""
+        accessors = self.list_of("accessors")
+        return (
+            isinstance(index, int)
+            and 0 <= index < len(accessors)
+            and "bufferView" not in accessors[index]
+            and index not in self._decoded
+        )
+
+    def view_of(self, owner: dict[str, Any]) -> bytes:
+        """The bytes of the buffer view that `owner` names."""
+        views = self.list_of("bufferViews")
+        size = self._size(views[self.index(owner, "bufferView", len(views))], "byteLength")
+        return self._elements(owner, np.dtype("<u1"), 1, size).tobytes()
+
+    def give(self, index: int, values: NDArray[Any]) -> None:
+        """Data of an accessor that the file holds in another way, shape [count, width]."""
+        self._decoded[index] = values
+        self.size += values.nbytes
+        if self.size > MAX_FILE_BYTES:
+            raise self.error(f"has {self.size} bytes of data", f"allowed: {MAX_FILE_BYTES}")
 
     def _glb_json(self, data: bytes) -> bytes:
         if len(data) < 20:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray, LongArray
+from garment_sim_ros.body.loaders.gltf_draco import decompress
 from garment_sim_ros.body.loaders.gltf_file import GltfFile
 from garment_sim_ros.geometry.transforms import matrix_from_quaternion
 
@@ -114,7 +115,6 @@ class Scene:
         """
         file = self._file
         uses, vertices = 0, 0
-        most = _USES_PER_BYTE * file.size + _FREE_USES
         for n, node in enumerate(self._nodes):
             if "mesh" not in node:
                 continue
@@ -124,10 +124,12 @@ class Scene:
                 attributes = primitive.get("attributes")
                 if not isinstance(attributes, dict) or "POSITION" not in attributes:
                     raise file.error(f"a primitive of node {n} has no POSITION")
+                decompress(file, primitive)
                 x = file.accessor(attributes, "POSITION", "VEC3").astype(np.float64)
                 triangles = _triangles(file, primitive, len(x))
                 vertices += len(x)
                 uses += len(x) + triangles.size
+                most = _USES_PER_BYTE * file.size + _FREE_USES
                 if uses > most or vertices > MAX_VERTICES:
                     raise file.error(
                         f"shows {vertices} vertices and more from {file.size} bytes",
