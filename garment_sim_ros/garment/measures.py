@@ -272,7 +272,8 @@ class Measures:
         quarter = len(s) // 4
         centre = 0.5 * np.array([s[0] - s[2 * quarter], s[quarter] - s[3 * quarter], 2.0 * height])
         half_width = 0.5 * float(s[quarter] + s[3 * quarter])
-        if profile is not self.trunk:
+        if self.has_arms:
+            # Flat shoulders, as of a robot or a puppet, are as high as the neck's base.
             apart = self.joint("leftUpperArm")[1] - self.joint("rightUpperArm")[1]
             half_width = min(half_width, 0.5 * _WIDEST_NECK * abs(float(apart)))
         return Neck(centre=centre, radius=float(radius), half_width=half_width)

@@ -222,8 +222,9 @@ def test_the_player_follows_a_clock(playing, start_node, make_probe):
         lambda: probe.silent_while(joints, playing.fresh),
         "what is on its way has come, and no more",
     )
+    count = len(probe.received(joints))
     source.step()
-    probe.next(joints)
+    playing.until(lambda: len(probe.received(joints)) > count, "the step")
     source.playing, source.rate = True, 10.0
     follows()
     node.send(signal.SIGTERM)
