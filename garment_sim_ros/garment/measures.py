@@ -268,15 +268,24 @@ class Measures:
             height = float(profile.offset[k])
             if thin.size:
                 radius = profile.girth[k] / (2.0 * np.pi)
+        widest = np.inf
+        if self.has_arms:
+            apart = self.joint("leftUpperArm")[1] - self.joint("rightUpperArm")[1]
+            widest = 0.5 * _WIDEST_NECK * abs(float(apart))
+        if narrow.size and self._half_width(profile, height) > widest:
+            height = max(height, float(z[i]))  # flat shoulders, as of a puppet, reach so high
         s = profile.at(np.array([height]))[0]
         quarter = len(s) // 4
         centre = 0.5 * np.array([s[0] - s[2 * quarter], s[quarter] - s[3 * quarter], 2.0 * height])
-        half_width = 0.5 * float(s[quarter] + s[3 * quarter])
-        if self.has_arms:
-            # Flat shoulders, as of a robot or a puppet, are as high as the neck's base.
-            apart = self.joint("leftUpperArm")[1] - self.joint("rightUpperArm")[1]
-            half_width = min(half_width, 0.5 * _WIDEST_NECK * abs(float(apart)))
+        half_width = min(self._half_width(profile, height), widest)
         return Neck(centre=centre, radius=float(radius), half_width=half_width)
+
+    @staticmethod
+    def _half_width(profile: Profile, height: float) -> float:
+        """Half the extent of an outline from side to side [m]."""
+        s = profile.at(np.array([height]))[0]
+        quarter = len(s) // 4
+        return 0.5 * float(s[quarter] + s[3 * quarter])
 
     @cached_property
     def _above_neck(self) -> Profile:

@@ -23,7 +23,7 @@ from garment_sim_ros.geometry.topology import (
     vertex_normals,
 )
 from garment_sim_ros.geometry.transforms import invert_transform, transform_from
-from test.bodies import scaled
+from test.bodies import scaled, with_yoke
 
 MAKERS = {"short_skirt": short_skirt, "long_skirt": long_skirt, "tshirt": tshirt}
 
@@ -153,6 +153,19 @@ def test_a_shirt_s_neckline_lies_on_the_base_of_the_neck(height):
     assert apart.max() < 2.0 * neck.radius
     angle = np.sort(np.arctan2(x[:, 1] - neck.centre[1], x[:, 0] - neck.centre[0]))
     assert np.diff(angle, append=angle[0] + 2.0 * np.pi).max() < 1.0
+
+
+def test_a_neckline_on_flat_shoulders_is_about_the_neck():
+    """A puppet's chest is a shell as high as the neck's joint, as wide as the shoulders."""
+    top = Measures(body()).neck + 0.02
+    wearer = with_yoke(body(), top - 0.1, top)
+    shirt, neck = tshirt(wearer), Measures(wearer).neck_base
+    _, neckline = openings(shirt)
+    x = shirt.vertices[neckline]
+    apart = np.linalg.norm(x[:, :2] - neck.centre[:2], axis=1)
+    assert 0.9 * neck.radius < apart.min()
+    assert apart.max() < 2.0 * neck.radius
+    assert neck.centre[2] > top
 
 
 @pytest.mark.parametrize("name", MAKERS)

@@ -38,7 +38,7 @@ def test_input_that_stops_and_comes_back(running, probe, node, reach, until):
     for pause in (SECOND // 2, 100 * SECOND):
         running.stop()
         until(
-            lambda: len(set(map(stamp_of, probe.next("garments/shirt/points", 5)))) == 1,
+            lambda: len(set(map(stamp_of, probe.received("garments/shirt/points")[-5:]))) == 1,
             "the cloth stands still",
         )
         until(
