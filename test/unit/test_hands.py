@@ -16,6 +16,7 @@ from garment_sim_ros.mocap.walk import walk
 
 SIDES = ("left", "right")
 ARM = ("UpperArm", "LowerArm", "Hand")
+WALK = walk()
 
 
 @pytest.fixture(scope="module", params=["mannequin", "mh_female_young.glb", "CesiumMan.glb"])
@@ -26,8 +27,7 @@ def body(request, data_file):
 
 @pytest.fixture(scope="module")
 def retargeter(body):
-    clip = walk()
-    return Retargeter(clip.rig, body, reference=clip.source_reference)
+    return Retargeter(WALK.rig, body, reference=WALK.source_reference)
 
 
 def joint(body, bone):
@@ -62,7 +62,7 @@ def leaning(body, wrists, bend=20.0):
 
 def lifted(retargeter, T, elbows=0.3):
     """With a source whose elbows are at a height [m]."""
-    T, T_source = T.copy(), np.tile(np.eye(4), (len(walk().rig), 1, 1))
+    T, T_source = T.copy(), np.tile(np.eye(4), (len(WALK.rig), 1, 1))
     T_source[:, 2, 3] = elbows
     retargeter.hands.lift(T_source, T)
     return T
@@ -168,10 +168,9 @@ def test_a_hand_on_its_edge_does_not_whip(body, retargeter):
 
 
 def test_a_body_without_hands_is_left_as_it_is(body):
-    clip = walk()
     humanoid = {b: j for b, j in body.humanoid.items() if not b.endswith("Hand")}
     cut = dataclasses.replace(body, humanoid=humanoid)
-    retargeter = Retargeter(clip.rig, cut, reference=clip.source_reference)
+    retargeter = Retargeter(WALK.rig, cut, reference=WALK.source_reference)
     assert isinstance(retargeter.hands, Hands)
     T = leaning(body, -0.05)
     assert (lifted(retargeter, T) == T).all()

@@ -39,15 +39,12 @@ CREASES = pytest.mark.parametrize(
 
 
 def trousers_at_rest(data_file, clip, frame, starts):
-    """Speeds [m/s] and farthest ways in a step [m] of trousers on a held body, per start."""
+    """Speed [m/s] and farthest way in a step [m] of trousers on a held body, start by start."""
     avatar = gs.Avatar.load(str(data_file("bodies", "mh_female_young.glb")))
     outfit = avatar.dress(str(data_file("garments", "trousers_female.obj")))
-    speeds, farthest = [], []
     for start in range(starts):
         (way,) = ways_at_rest(avatar, outfit, data_file("mocap", clip), frame, start).values()
-        speeds.append(np.sqrt((way**2).mean()) / STEP)
-        farthest.append(way.max())
-    return speeds, farthest
+        yield np.sqrt((way**2).mean()) / STEP, way.max()
 
 
 @CREASES
@@ -57,16 +54,15 @@ def test_trousers_rest_in_the_creases_of_hips_and_knees(data_file, clip, frame):
     So do vertices that are shown elsewhere as long as nothing presses them, by 6 to 10 mm. Where
     cloth comes to rest hangs on the last bits of its start: of four, one rests wholly at least.
     """
-    speeds, farthest = trousers_at_rest(data_file, clip, frame, 4)
-    assert min(speeds) < 0.003
-    assert min(farthest) < 0.001
+    runs = trousers_at_rest(data_file, clip, frame, 4)
+    assert any(speed < 0.003 and farthest < 0.001 for speed, farthest in runs)
 
 
 @pytest.mark.slow
 @CREASES
 def test_trousers_rest_from_most_starts(data_file, clip, frame):
     """Of nine starts, most rest wholly."""
-    speeds, farthest = trousers_at_rest(data_file, clip, frame, 9)
+    speeds, farthest = zip(*trousers_at_rest(data_file, clip, frame, 9))
     assert np.median(speeds) < 0.003
     assert np.median(farthest) < 0.001
 
