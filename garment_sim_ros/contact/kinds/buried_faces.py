@@ -45,10 +45,7 @@ def buried_planes(
             and (boxes[k][0] <= high + way).all()
             and (boxes[k][1] >= low - way).all()
         ]
-        buried = np.array(
-            [_is_covered(_of_face(plane, vertices[h]), plane[:3], others, way) for plane in own],
-            bool,
-        )
+        buried = _are_covered(own[:, :3], [_of_face(p, vertices[h]) for p in own], others, way)
         found.append(buried & ~buried.all())
     return found
 
@@ -62,16 +59,25 @@ def _of_face(plane: FloatArray, vertices: FloatArray) -> FloatArray:
     return np.vstack([corners + _INWARD * (middle - corners), middle])
 
 
-def _is_covered(
-    points: FloatArray, direction: FloatArray, hulls: Sequence[FloatArray], way: float
-) -> bool:
-    """Whether hulls go on from most of points [k, 3] in a direction by more than a way [m]."""
-    if not hulls:
-        return False
+def _are_covered(
+    direction: FloatArray, of_faces: list[FloatArray], hulls: Sequence[FloatArray], way: float
+) -> NDArray[np.bool_]:
+    """Whether hulls go on from most of each face's points, its way out, by over a way [m].
+
+    Args:
+        direction: Way out of each face, shape [f, 3].
+        of_faces: Points of each face, shape [k, 3].
+        hulls: Planes of each hull, shape [p, 4].
+        way: The way [m].
+    """
+    if not hulls or not of_faces:
+        return np.zeros(len(of_faces), bool)
+    points = np.concatenate(of_faces)
+    face = np.repeat(np.arange(len(of_faces)), [len(p) for p in of_faces])
     enter, leave = np.full((2, len(hulls), len(points)), np.inf)
     for k, planes in enumerate(hulls):
         height = points @ planes[:, :3].T - planes[:, 3]
-        climb = planes[:, :3] @ direction
+        climb = (direction @ planes[:, :3].T)[face]
         with np.errstate(divide="ignore", invalid="ignore"):
             at = -height / climb
         enter[k] = np.where(climb < 0.0, at, -np.inf).max(axis=1)
@@ -82,4 +88,4 @@ def _is_covered(
     for _ in hulls:
         inside = enter <= reached + _GAP * way
         reached = np.maximum(reached, np.where(inside, leave, 0.0).max(axis=0))
-    return bool(np.mean(reached > way) > 0.5)
+    return np.bincount(face, reached > way) > 0.5 * np.bincount(face)
