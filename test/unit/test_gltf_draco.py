@@ -64,6 +64,24 @@ def test_what_is_there_uncompressed_is_read_from_there(tmp_path):
     np.testing.assert_array_equal(body.skin.vertices, plain.skin.vertices)
 
 
+def test_what_is_sparse_is_no_part_of_the_compressed_data(tmp_path):
+    """Zeros without data of their own, but for one vertex."""
+    b = compressed(document())
+    primitive = b.json["meshes"][0]["primitives"][0]
+    count = accessor_of(b, "WEIGHTS_0")["count"]
+    numbers, weights = (b.accessor(a, d) for a, d in (([0], "u2"), ([[0.5, 0.5, 0, 0]], "f4")))
+    views = [b.json["accessors"][a]["bufferView"] for a in (numbers, weights)]
+    sparse = {
+        "count": 1,
+        "indices": {"bufferView": views[0], "componentType": 5123},
+        "values": {"bufferView": views[1]},
+    }
+    entry = {"componentType": 5126, "count": count, "type": "VEC4", "sparse": sparse}
+    primitive["attributes"]["WEIGHTS_0"] = b.add("accessors", entry)
+    body = load_gltf(b.glb(tmp_path / "sparse.glb"))
+    np.testing.assert_allclose(upper(body), 0.5)  # the others are given the nearest one's weights
+
+
 def test_the_compressed_data_tells_how_many_there_are(tmp_path):
     b = compressed(document())
     accessor_of(b, "POSITION")["count"] = 3

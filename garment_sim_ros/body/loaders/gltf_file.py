@@ -189,11 +189,10 @@ class GltfFile:
     def lacks_data(self, index: Any) -> bool:
         """Whether an accessor is there, and has neither data in the file nor any given."""
         accessors = self.list_of("accessors")
-        return (
-            isinstance(index, int)
-            and 0 <= index < len(accessors)
-            and "bufferView" not in accessors[index]
-            and index not in self._decoded
+        if not isinstance(index, int) or not 0 <= index < len(accessors):
+            return False
+        return accessors[index].keys().isdisjoint(("bufferView", "sparse")) and (
+            index not in self._decoded
         )
 
     def view_of(self, owner: dict[str, Any]) -> bytes:
