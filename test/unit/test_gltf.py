@@ -50,6 +50,12 @@ def test_the_same_column_however_it_is_written(tmp_path, options):
     check_column(body)
 
 
+def test_extensions_that_say_how_things_look_change_nothing(tmp_path):
+    b = document()
+    b.json["extensionsRequired"] = ["KHR_materials_clearcoat", "EXT_texture_avif"]
+    check_column(load_gltf(b.glb(tmp_path / "shiny.glb")))
+
+
 def test_text_file_with_embedded_and_with_outer_buffer(tmp_path):
     b = document()
     uri = "data:application/octet-stream;base64," + base64.b64encode(b.binary).decode()

@@ -29,18 +29,11 @@ _FREE_NUMBERS = 100_000
 shown many times, which takes as much work as if they were there."""
 
 DRACO = "KHR_draco_mesh_compression"
-SUPPORTED_EXTENSIONS = frozenset(
-    {
-        DRACO,
-        *("KHR_mesh_quantization", "KHR_texture_transform", "KHR_materials_unlit", "VRM"),
-        *("VRMC_vrm", "VRMC_materials_mtoon", "VRMC_springBone", "VRMC_node_constraint"),
-        *("KHR_texture_basisu", "EXT_texture_webp", "KHR_materials_pbrSpecularGlossiness"),
-    }
-)
-"""Required extensions that do not change the geometry, or that are understood.
+SUPPORTED_EXTENSIONS = frozenset({DRACO, "KHR_mesh_quantization", "VRM"})
+"""Required extensions that are understood; `gltf_draco` understands that of Draco."""
 
-`gltf_draco` understands that of Draco.
-"""
+_LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "EXT_lights_", "VRMC_")
+"""How the names of extensions begin that do not change the geometry."""
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -73,10 +66,11 @@ class GltfFile:
         if not version.startswith("2."):
             raise self.error(f"is glTF version {version!r}", "allowed: 2.x")
         required = set(self.list_of("extensionsRequired", kind=str)) - SUPPORTED_EXTENSIONS
-        if required:
+        unknown = sorted(name for name in required if not name.startswith(_LOOKS))
+        if unknown:
             raise self.error(
-                f"needs the extension {', '.join(sorted(required))}",
-                "allowed: files exported without mesh compression, or with Draco's",
+                f"needs the extension {', '.join(unknown)}",
+                "allowed: files exported without it; of mesh compressions, Draco is read",
             )
         self._buffers: dict[int, bytes] = {}
         self._given = 0
