@@ -31,8 +31,20 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests of nodes first: they take longest, and the last file keeps one worker busy alone."""
-    items.sort(key=lambda item: "ros" not in item.path.parts)
+    """Spread the files with nodes evenly among the others, which begin with the longest.
+
+    Tests with nodes wait as often as they work. Two of them at once wait for the same kernels to
+    be compiled, and take each other's processors where they simulate in real time.
+    """
+    files: dict[Path, list[pytest.Item]] = {}
+    for item in items:
+        files.setdefault(item.path, []).append(item)
+    nodes = [file for file in files if "ros" in file.parts]
+    others = [file for file in files if "ros" not in file.parts]
+    others.sort(key=lambda file: "verification" not in file.parts)
+    place = {file: n / len(nodes) for n, file in enumerate(nodes)}
+    place |= {file: (n + 0.5) / len(others) for n, file in enumerate(others)}
+    items[:] = [item for file in sorted(files, key=place.__getitem__) for item in files[file]]
 
 
 def pytest_make_parametrize_id(val: object) -> str | None:
