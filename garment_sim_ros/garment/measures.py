@@ -28,6 +28,7 @@ _NECK_RADIUS = 0.035  # per body height, where the skin has no neck
 _NECK_RISE = 0.015  # per body height: how far its base may be above its joint
 _NECK_SLICES = 24
 _WIDEST_NECK = 0.6  # of the way from shoulder to shoulder
+_FLAT_SHOULDERS = 0.9  # of that way: what is so wide where a neck begins is no neck
 _SHORT_NECK = 0.75  # of the girth at the shoulders: what is thicker is no neck
 
 
@@ -268,16 +269,18 @@ class Measures:
             height = float(profile.offset[k])
             if thin.size:
                 radius = profile.girth[k] / (2.0 * np.pi)
-        widest = np.inf
+        half_width = self._half_width(profile, height)
         if self.has_arms:
             apart = self.joint("leftUpperArm")[1] - self.joint("rightUpperArm")[1]
-            widest = 0.5 * _WIDEST_NECK * abs(float(apart))
-        if narrow.size and self._half_width(profile, height) > widest:
-            height = max(height, float(z[i]))  # flat shoulders, as of a puppet, reach so high
+            between = 0.5 * abs(float(apart))
+            if narrow.size and half_width > _FLAT_SHOULDERS * between:
+                height = max(height, float(z[i]))  # a puppet's shoulders reach so high
+                half_width = min(self._half_width(profile, height), _WIDEST_NECK * between)
+            elif profile is not self.trunk:
+                half_width = min(half_width, _WIDEST_NECK * between)
         s = profile.at(np.array([height]))[0]
         quarter = len(s) // 4
         centre = 0.5 * np.array([s[0] - s[2 * quarter], s[quarter] - s[3 * quarter], 2.0 * height])
-        half_width = min(self._half_width(profile, height), widest)
         return Neck(centre=centre, radius=float(radius), half_width=half_width)
 
     @staticmethod
