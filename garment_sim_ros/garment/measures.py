@@ -269,26 +269,16 @@ class Measures:
             height = float(profile.offset[k])
             if thin.size:
                 radius = profile.girth[k] / (2.0 * np.pi)
-        half_width = self._half_width(profile, height)
+        centre, half_width = _middle_at(profile, height)
         if self.has_arms:
             apart = self.joint("leftUpperArm")[1] - self.joint("rightUpperArm")[1]
             between = 0.5 * abs(float(apart))
-            if narrow.size and half_width > _FLAT_SHOULDERS * between:
-                height = max(height, float(z[i]))  # a puppet's shoulders reach so high
-                half_width = min(self._half_width(profile, height), _WIDEST_NECK * between)
-            elif profile is not self.trunk:
+            is_flat = narrow.size and half_width > _FLAT_SHOULDERS * between
+            if is_flat:  # a puppet's shoulders reach as high as its neck does
+                centre, half_width = _middle_at(profile, max(height, float(z[i])))
+            if is_flat or profile is not self.trunk:
                 half_width = min(half_width, _WIDEST_NECK * between)
-        s = profile.at(np.array([height]))[0]
-        quarter = len(s) // 4
-        centre = 0.5 * np.array([s[0] - s[2 * quarter], s[quarter] - s[3 * quarter], 2.0 * height])
         return Neck(centre=centre, radius=float(radius), half_width=half_width)
-
-    @staticmethod
-    def _half_width(profile: Profile, height: float) -> float:
-        """Half the extent of an outline from side to side [m]."""
-        s = profile.at(np.array([height]))[0]
-        quarter = len(s) // 4
-        return 0.5 * float(s[quarter] + s[3 * quarter])
 
     @cached_property
     def _above_neck(self) -> Profile:
@@ -342,3 +332,9 @@ class Measures:
             f"{self.body.name}: no bone {' or '.join(bones)}; garments need hips, upper and lower "
             "legs, and neck or head; shirts also upper and lower arms"
         )
+
+
+def _middle_at(profile: Profile, height: float) -> tuple[FloatArray, float]:
+    """Middle of an upright outline, shape [3], and half its extent from side to side [m]."""
+    front, left, back, right = profile.at(np.array([height]))[0].reshape(4, -1)[:, 0]
+    return np.array([0.5 * (front - back), 0.5 * (left - right), height]), 0.5 * (left + right)
