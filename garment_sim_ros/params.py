@@ -95,10 +95,14 @@ def _realtime_priority() -> int:
 class MocapPlayerParameters:
     """Parameters of the node `mocap_player`."""
 
-    clip: str = parameter("walk", "BVH file, rosbag2, or 'walk' for the built-in clip.")
+    clip: str = parameter(
+        "walk",
+        "BVH or glTF file, rosbag2, or 'walk' for the built-in clip; 'avatar.glb:animation=Run' "
+        "is one of several animations of a glTF file.",
+    )
     bone_names: str = parameter(
         "",
-        "YAML file that maps humanoid bones to joints of the BVH file; empty: recognised by name.",
+        "YAML file that maps humanoid bones to joints of the clip; empty: recognised by name.",
     )
     rate: float = parameter(
         0.0, "Messages per second; 0: as the clip.", unit="Hz", minimum=0.0, maximum=1000.0

@@ -27,7 +27,7 @@ ARGUMENTS = {
     "body": ("mannequin", "Body file of the avatar, or 'mannequin'."),
     "clip": (
         "walk",
-        "BVH file or rosbag2, or 'walk'; empty: no player, joint_states come from elsewhere.",
+        "BVH or glTF file, rosbag2, 'walk'; empty: no player, joint_states come from elsewhere.",
     ),
     "outfit": ("", "Outfit file; empty: a T-shirt and a short skirt."),
     "preset": ("balanced", "fast, balanced, accurate, auto, sun2007 or gong2018."),

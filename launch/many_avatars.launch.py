@@ -19,7 +19,7 @@ ARGUMENTS = {
         "DDS domain of host 1, the next ones have the next; empty: that of the shell.",
     ),
     "body": ("mannequin", "Body file of the avatars, or 'mannequin'."),
-    "clip": ("walk", "BVH file or rosbag2; empty: joint_states come from elsewhere."),
+    "clip": ("walk", "BVH or glTF file, or rosbag2; empty: joint_states come from elsewhere."),
     "outfit": ("tshirt_short_skirt", "Outfit file or name."),
     "preset": ("fast", "fast, balanced, accurate, auto, sun2007 or gong2018."),
     "set": ("cloth_node.rate=30", "NODE.PARAM=VALUE, several with ; between."),

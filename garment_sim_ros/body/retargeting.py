@@ -232,10 +232,13 @@ class Retargeter:
     def _drive(self, pairs: list[tuple[str, str]], source: Skeleton, rest: Skeleton) -> None:
         """Constant rotations from source to target joints."""
         last = last_hinges(source.rig)
+        same = source.is_posed_as(rest)
         for source_bone, target_bone in pairs:
             s, t = source.bones[source_bone], rest.bones[target_bone]
             s = last.get(s, s)  # of a robot: where its bone is, not all of its turns are made
-            if source_bone in source.frames and target_bone in rest.frames:
+            if same:  # the body's own motion, which needs no anatomy
+                F_s = F_t = rest.frames["hips"]
+            elif source_bone in source.frames and target_bone in rest.frames:
                 F_s, F_t = source.frames[source_bone], rest.frames[target_bone]
             else:  # a bone whose direction one of the two does not show
                 F_s, F_t = source.frames["hips"], rest.frames["hips"]

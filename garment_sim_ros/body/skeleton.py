@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.anatomy import (
     Landmarks,
@@ -12,6 +14,9 @@ from garment_sim_ros.body.anatomy import (
 )
 from garment_sim_ros.body.rig import Rig
 from garment_sim_ros.errors import GeometryError
+
+_SAME_PLACE = 0.01
+"""Difference of joints that are in one place, as a share of the skeleton's size."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +67,18 @@ class Skeleton:
             frames=frames,
             at_rest=at_rest,
         )
+
+    def is_posed_as(self, other: "Skeleton") -> bool:
+        """Whether both are one skeleton in one rest pose: the same names in the same places."""
+        if not (self.at_rest and other.at_rest) or self.bones.keys() != other.bones.keys():
+            return False
+        mine, its = list(self.bones.values()), [other.bones[bone] for bone in self.bones]
+        names = [self.rig.joint_names[j] for j in mine]
+        if names != [other.rig.joint_names[j] for j in its]:
+            return False
+        x, y = self.T_world_joint[mine, :3, 3], other.T_world_joint[its, :3, 3]
+        x, y = x - x.mean(axis=0), y - y.mean(axis=0)
+        return bool(np.abs(x - y).max() <= _SAME_PLACE * np.abs(y).max())
 
     def rotation(self, joint: int) -> FloatArray:
         """World rotation of a joint in the compared pose."""

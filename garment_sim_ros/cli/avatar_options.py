@@ -24,7 +24,12 @@ def add_avatar_options(parser: argparse.ArgumentParser) -> None:
     add("--body", metavar="F", default="mannequin", help="body file (default: mannequin)")
     add("--body-bone-names", metavar="F", default="", help="YAML file of the body's bones")
     add("--bone-names", metavar="F", default="", help="YAML file of the clip's bones")
-    add("--clip", metavar="F", default="walk", help="BVH or rosbag2 (default: a built-in walk)")
+    add(
+        "--clip",
+        metavar="F",
+        default="walk",
+        help="BVH, glTF or rosbag2 (default: walk)",
+    )
     add("--outfit", metavar="F", default=OUTFIT, help=f"outfit YAML (default: {OUTFIT})")
     add_preset_options(parser)
 

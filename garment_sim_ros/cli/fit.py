@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--clip",
         metavar="F",
-        help="also report how far the skin leaves the colliders over a clip (BVH, rosbag2, walk)",
+        help="also report how far the skin leaves the colliders over a clip, see `demo`",
     )
     parser.add_argument(
         "--preview-regions",

@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import re
 import time
 import uuid
 from collections.abc import Iterator
@@ -20,6 +21,7 @@ from garment_sim_ros.cli.processes import over_processes
 from garment_sim_ros.cli.progress import progress
 from garment_sim_ros.cli.staging import remove_staged, staged
 from garment_sim_ros.errors import GarmentSimError, InputFileError, ParameterError
+from garment_sim_ros.mocap.clip_name import file_and_animation
 from garment_sim_ros.presets import preset_values
 
 if TYPE_CHECKING:
@@ -36,7 +38,7 @@ _LOOK = 50
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add = parser.add_argument
-    add("--clip", metavar="F", nargs="+", default=[], help="BVH file, rosbag2, or walk")
+    add("--clip", metavar="F", nargs="+", default=[], help="BVH or glTF file, rosbag2, or walk")
     add(
         "--bag",
         metavar="F",
@@ -156,7 +158,7 @@ def _tasks(args: argparse.Namespace) -> list[_Task]:
         if getattr(args, option):
             name = option.replace("_", "-")
             raise ParameterError(f"--{name}", "found without --bag", "allowed: with it")
-    names = [Path(s).stem.replace(":", "_") for _, s in inputs]
+    names = [_name_of(source) for _, source in inputs]
     for name in names:
         if names.count(name) > 1:
             raise ParameterError(inputs[0][0], f"two inputs named {name!r}", "allowed: one each")
@@ -182,13 +184,21 @@ def _tasks(args: argparse.Namespace) -> list[_Task]:
     return tasks
 
 
+def _name_of(source: str) -> str:
+    """What the recording of an input is called among others."""
+    file, animation = file_and_animation(source)
+    name = Path(file).stem.replace(":", "_")
+    return name if animation is None else name + "_" + re.sub(r"[^-.\w]", "_", animation)
+
+
 def _name_from_anywhere(args: argparse.Namespace) -> None:
     """Give files their whole path: workers stand in other folders."""
 
     def whole(name: str) -> str:
-        return (
-            str(Path(name).absolute()) if name not in _BUILT_IN and Path(name).exists() else name
-        )
+        file, _ = file_and_animation(name)
+        if file in _BUILT_IN or not Path(file).exists():
+            return name
+        return str(Path(file).absolute()) + name[len(file) :]
 
     for option in ("body", "body_bone_names", "bone_names", "outfit"):
         setattr(args, option, whole(getattr(args, option)))
@@ -277,11 +287,13 @@ def _simulated(task: _Task, *, show: bool = False) -> dict[str, Any]:
                 opened_input(task.source, begins_with=task.begin_with, namespace=task.namespace)
             )
         worn = {"body": setup.collider.body, "outfit": setup.cloth.outfit}
-        files = {"input": task.source, **worn}
+        clip = setup.player.clip
+        moved, _ = file_and_animation(clip)
+        files = {"input": moved or task.source, **worn}
         setup = dataclasses.replace(
             setup,
             # Where the clip lay does not matter: what it moved is in the recording.
-            player=dataclasses.replace(setup.player, clip=Path(setup.player.clip).name),
+            player=dataclasses.replace(setup.player, clip=Path(moved).name + clip[len(moved) :]),
             begins_with=source.begins_with,
             files={option: fingerprint(file) for option, file in files.items() if file}
             | {"messages": str(source.count)},

@@ -1,7 +1,6 @@
 """BVH files as clips."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,15 +8,12 @@ import numpy as np
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.humanoid import humanoid_map
 from garment_sim_ros.body.rig import ROTATION, TRANSLATION, Dofs, Rig
-from garment_sim_ros.errors import GeometryError, InputFileError, ParameterError
+from garment_sim_ros.errors import GeometryError, InputFileError
 from garment_sim_ros.mocap.bvh_text import BvhText, parse_bvh
 from garment_sim_ros.mocap.clip import Clip
-from garment_sim_ros.mocap.file_frame import FileFrame, describe_unit, file_frame
-from garment_sim_ros.mocap.inserted_pose import inserted_frames
-from garment_sim_ros.mocap.sampling import closes
+from garment_sim_ros.mocap.clip_in_metres import check_options, clip_in_metres, skipped_frames
 
 _FALLBACK_FRAME_TIME = 1.0 / 30.0
-_SKIP = ("auto", "on", "off")
 
 
 def load_bvh(
@@ -43,7 +39,7 @@ def load_bvh(
         InputFileError: The file is missing, damaged or no BVH.
         ParameterError: An option is outside its range.
     """
-    _check(skip_t_pose, metres_per_unit)
+    check_options(skip_t_pose, metres_per_unit)
     text = parse_bvh(path)
     notes = list(text.notes)
     try:
@@ -54,77 +50,21 @@ def load_bvh(
     end_sites = tuple(
         (text.names[joint], (offset[0], offset[1], offset[2])) for joint, offset in text.end_sites
     )
-    frame = file_frame(rig, mapping, values, dict(end_sites))
-    notes += frame.notes
-    unit = _unit(frame, metres_per_unit, notes)
-    if not mapping:
-        notes.append("No joint name is known: the clip can only drive a body of the same names.")
-    skipped = _skipped(skip_t_pose, rig, mapping, values)
-    if skipped:
-        notes.append(f"Skipped {skipped} inserted first frame(s).")
     frame_time = text.frame_time
     if frame_time <= 0.0:
         frame_time = _FALLBACK_FRAME_TIME
         notes.append(f"Frame Time is 0; taken as {frame_time:.4f} s.")
-    rig, values, reference = _in_metres(rig, values, frame.reference, unit)
-    T_world_file = np.eye(4)
-    T_world_file[:3, :3] = frame.rotation
-    clip = Clip(
-        name=Path(path).stem,
-        rig=rig,
-        times=frame_time * np.arange(len(values) - skipped, dtype=np.float64),
-        values=values[skipped:],
-        T_world_file=T_world_file,
-        reference=reference,
-        end_sites=tuple((j, (x * unit, y * unit, z * unit)) for j, (x, y, z) in end_sites),
-        hinges=frame.hinges,
-        soles=frame.soles,
-        ankle_height=None if frame.ankle_height is None else frame.ankle_height * unit,
-        notes=tuple(notes),
+    count = len(values) - skipped_frames(skip_t_pose, rig, mapping, values)
+    return clip_in_metres(
+        Path(path).stem,
+        rig,
+        frame_time * np.arange(count, dtype=np.float64),
+        values,
+        mapping=mapping,
+        notes=notes,
+        end_sites=end_sites,
+        metres_per_unit=metres_per_unit,
     )
-    return replace(clip, loops=closes(clip))
-
-
-def _check(skip_t_pose: str, metres_per_unit: float | None) -> None:
-    """See whether options are allowed.
-
-    Raises:
-        ParameterError: One is not.
-    """
-    if skip_t_pose not in _SKIP:
-        raise ParameterError("skip_t_pose", f"is {skip_t_pose!r}", f"allowed: {', '.join(_SKIP)}")
-    if metres_per_unit is not None and not 0.0 < metres_per_unit < 1e3:
-        raise ParameterError("metres_per_unit", f"is {metres_per_unit}", "allowed: 0 to 1000")
-
-
-def _unit(frame: FileFrame, asked: float | None, notes: list[str]) -> float:
-    """Length of the file's unit [m], with a note on where it comes from."""
-    if asked is None:
-        notes.append(describe_unit(frame))
-        return frame.metres_per_unit
-    notes.append(f"Unit taken as {asked:g} m, as asked.")
-    return asked
-
-
-def _skipped(asked: str, rig: Rig, mapping: Mapping[str, str], values: FloatArray) -> int:
-    """How many first frames to leave out, all but one at most."""
-    skipped = {"off": 0, "on": 1}.get(asked)
-    if skipped is None:
-        skipped = inserted_frames(rig, mapping, values)
-    return min(skipped, len(values) - 1)
-
-
-def _in_metres(
-    rig: Rig, values: FloatArray, reference: FloatArray | None, unit: float
-) -> tuple[Rig, FloatArray, FloatArray | None]:
-    """A skeleton, channel values and a reference pose whose lengths are in a unit [m]."""
-    is_length = rig.dofs.kind == TRANSLATION
-    values = np.where(is_length, values * unit, values)
-    if reference is not None:
-        reference = np.where(is_length, reference * unit, reference)
-    T = rig.T_parent_joint.copy()
-    T[:, :3, 3] *= unit
-    return replace(rig, T_parent_joint=T), values, reference
 
 
 def _rig_in_file_units(text: BvhText, notes: list[str]) -> tuple[Rig, FloatArray]:

@@ -1,4 +1,4 @@
-"""Any clip by name: the built-in walk, a BVH file or a recording."""
+"""Any clip by name: the built-in walk, a BVH or glTF file, or a recording."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -9,10 +9,15 @@ from garment_sim_ros.errors import InputFileError, ParameterError
 from garment_sim_ros.input_file import exists, is_folder
 from garment_sim_ros.mocap.bvh import load_bvh
 from garment_sim_ros.mocap.clip import Clip
+from garment_sim_ros.mocap.clip_name import GLTF, OF_GLTF, file_and_animation
+from garment_sim_ros.mocap.gltf_clip import load_gltf_clip
 from garment_sim_ros.mocap.walk import WalkOptions, walk
 from garment_sim_ros.params import declarations, validated
 
-_ALLOWED = "allowed: .bvh, .mcap, .db3, a rosbag2 folder, or walk[:option=value,...]"
+_ALLOWED = (
+    f"allowed: .bvh, {', '.join(GLTF)} (with {OF_GLTF}NAME after it for one of several), "
+    ".mcap, .db3, a rosbag2 folder, or walk[:option=value,...]"
+)
 
 
 def load_clip(
@@ -24,8 +29,9 @@ def load_clip(
     """A clip from a file, or the built-in walk.
 
     Args:
-        source: A .bvh, .mcap or .db3 file, or a rosbag2 folder. Or ``walk``, with options as in
-            ``walk:speed=1.1,path=straight``.
+        source: A .bvh, .glb, .gltf, .vrm, .vrma, .mcap or .db3 file, or a rosbag2 folder. One of
+            several animations in a glTF file as in ``avatar.glb:animation=Run``, by name or by
+            number from 0. Or ``walk``, with options as in ``walk:speed=1.1,path=straight``.
         skip_t_pose: As for `load_bvh`.
         humanoid_overrides: As for `load_bvh`.
 
@@ -36,7 +42,12 @@ def load_clip(
     name, colon, options = str(source).partition(":")
     if name == "walk" and (colon or not exists(source)):
         return _walk(options)
-    path = Path(source)
+    file, animation = file_and_animation(source)
+    path = Path(file)
+    if path.suffix.lower() in GLTF:
+        return load_gltf_clip(
+            path, animation, skip_t_pose=skip_t_pose, humanoid_overrides=humanoid_overrides
+        )
     if path.suffix.lower() == ".bvh":
         return load_bvh(path, skip_t_pose=skip_t_pose, humanoid_overrides=humanoid_overrides)
     if path.suffix.lower() in (".mcap", ".db3") or is_folder(path):

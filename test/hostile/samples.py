@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from gltf_figure import Figure, swing
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from simple_patterns import tube
 from unit.test_collider_description import example_set
@@ -193,6 +194,15 @@ def _texts(folder: Path) -> dict[str, Sample]:
     made = {}
     bvh = _file(folder, "clip.bvh", BVH)
     made["bvh"] = Sample(bvh, partial(load_clip, bvh))
+    figure = Figure(seed=1)
+    figure.animation()
+    for name, way in (("Spine", "LINEAR"), ("Head", "STEP")):
+        figure.turn(name, [0.0, 0.1, 0.3], swing((0.0, 1.0, 0.0), np.arange(3.0)), way=way)
+    moves = np.zeros((6, 3))
+    moves[1::3] = [[0.0, 1.0, 0.0], [0.1, 1.0, 0.1]]
+    figure.animate(figure.node["Hips"], "translation", [0.0, 0.3], moves, way="CUBICSPLINE")
+    moving = figure.glb(_file(folder / "moving", "clip.glb", b""))
+    made["clip glb"] = Sample(moving, partial(load_clip, moving))
     bones = _file(folder, "bones.yaml", BONES)
     made["bone names"] = Sample(bones, partial(load_humanoid_overrides, bones))
     outfit = _file(folder, "outfit.yaml", OUTFIT)

@@ -185,9 +185,9 @@ OTHER_MEANINGS = {
     "__init__.py": {"sphere", "capsule", "ellipsoid", "hull"},  # public functions that make some
     "avatar.py": {"mesh"},  # of a garment
     "cli/dress.py": {"mesh"},
-    "body/loaders/gltf.py": {"mesh"},  # glTF's own word
-    "body/loaders/gltf_marks.py": {"mesh"},
+    "body/loaders/gltf_marks.py": {"mesh"},  # glTF's own word
     "body/loaders/gltf_scene.py": {"mesh"},
+    "body/loaders/gltf_skeleton.py": {"mesh"},
     "body/loaders/mesh_file.py": {"mesh"},  # trimesh's
     "body/loaders/urdf_visuals.py": {"sphere", "capsule", "mesh"},  # URDF's tags
     "collider_params.py": {"sdf", "mesh"},  # names of methods, once
@@ -195,6 +195,7 @@ OTHER_MEANINGS = {
     "colliders/exact_mesh.py": {"frame"},  # an entry of a skin's geometry
     "contact/mesh/skinned.py": {"frame"},
     "contact/papers/outer_map.py": {"sphere"},  # a kind of map
+    "mocap/gltf_clip.py": {"mesh"},  # glTF's
     "garment/outfit_file.py": {"mesh"},  # of a garment
     "garment/patterns/making.py": {"mesh"},
     "garment/sewn_file.py": {"mesh"},  # glTF's own word

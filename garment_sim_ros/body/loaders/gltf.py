@@ -5,7 +5,7 @@ are baked into joint frames and vertices, because a rig's transforms are rigid. 
 orientation that they have in the file.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.body.loaders.assembly import assemble
-from garment_sim_ros.body.loaders.gltf_bind import blend, rest_frames, rigid
+from garment_sim_ros.body.loaders.gltf_bind import blend, rigid
 from garment_sim_ros.body.loaders.gltf_file import GltfFile
-from garment_sim_ros.body.loaders.gltf_scene import Scene
+from garment_sim_ros.body.loaders.gltf_scene import Piece, Scene
+from garment_sim_ros.body.loaders.gltf_skeleton import Skeleton, read_skeleton
 from garment_sim_ros.body.loaders.weights import weight_matrix
-from garment_sim_ros.body.skin import HUMANOID_BONES, Body
+from garment_sim_ros.body.skin import Body
 from garment_sim_ros.errors import GeometryError, InputFileError
 from garment_sim_ros.geometry.transforms import AXES_FROM_Y_UP
 
-MAX_JOINTS = 4096
 MAX_WEIGHT_SETS = 8
 """Most JOINTS_n of one primitive; each holds 4 influences of every vertex."""
 
@@ -62,30 +62,21 @@ def load_gltf(
 
 def _load(file: GltfFile, name: str, overrides: Mapping[str, str | None] | None) -> Body:
     scene = Scene(file)
-    parent = scene.parent
     axes = np.eye(4)
     axes[:3, :3] = AXES_FROM_Y_UP
-    T_world = scene.transforms(axes)
-    skins = _skins(file)
-    meshes = _meshes(file, scene, skins)
+    pieces = list(scene.pieces())
+    skeleton = read_skeleton(file, scene, pieces, axes)
+    meshes = _meshes(file, pieces, skeleton)
     if not any(mesh.skin is not None for mesh in meshes):
         raise file.error("has no skinned mesh", "allowed: a mesh with a skin and joints")
-    joints = _joint_nodes(
-        parent, scene.order, {int(n) for nodes, _ in skins.values() for n in nodes}
-    )
-    slot = {node: j for j, node in enumerate(joints)}
-    M, notes = rest_frames(
-        parent,
-        T_world,
-        joints,
-        [(*skins[i], [m.vertices for m in meshes if m.skin == i]) for i in skins],
-    )
+    T_world, M, slot = skeleton.T_world_node, skeleton.T_world_rest, skeleton.slot
+    joints, notes = skeleton.nodes, list(skeleton.notes)
 
     vertices, triangles, rows = [], [], []
     offset = 0
     for mesh in meshes:
         if mesh.skin is not None and mesh.W is not None:
-            nodes, T_joint_bind = skins[mesh.skin]
+            nodes, T_joint_bind = skeleton.skins[mesh.skin]
             columns = np.array([slot[int(n)] for n in nodes])
             W = sp.csr_matrix(
                 mesh.W
@@ -97,7 +88,7 @@ def _load(file: GltfFile, name: str, overrides: Mapping[str, str | None] | None)
             A = M[columns] @ T_joint_bind
             x = blend(mesh.vertices, mesh.W, A)
         else:
-            owner = _nearest_joint(parent, slot, mesh.node)
+            owner = _nearest_joint(scene.parent, slot, mesh.node)
             if owner is None:
                 notes.append(f"mesh of node {mesh.node} hangs on no joint; left out")
                 continue
@@ -115,37 +106,27 @@ def _load(file: GltfFile, name: str, overrides: Mapping[str, str | None] | None)
         vertices.append(x)
         rows.append(W)
 
-    names = _unique_names(file, joints)
     return assemble(
         name,
-        names,
-        np.array([slot.get(parent[n], -1) for n in joints], dtype=np.int32),
+        skeleton.names,
+        np.array(skeleton.parents(scene), dtype=np.int32),
         rigid(M),
         np.concatenate(vertices),
         np.concatenate(triangles).astype(np.int32),
         sp.vstack(rows, format="csr"),
         notes=notes,
-        humanoid_overrides={**_vrm_bones(file, dict(zip(joints, names))), **(overrides or {})},
+        humanoid_overrides={**skeleton.bones, **(overrides or {})},
     )
 
 
-def _skins(file: GltfFile) -> dict[int, tuple[list[int], FloatArray]]:
-    """Joint nodes and inverse bind matrices of every skin that a mesh wears."""
-    count = len(file.list_of("skins"))
-    worn = [node for node in file.list_of("nodes") if "mesh" in node and "skin" in node]
-    return {i: _skin(file, i) for i in sorted({file.index(node, "skin", count) for node in worn})}
-
-
-def _meshes(
-    file: GltfFile, scene: Scene, skins: Mapping[int, tuple[list[int], FloatArray]]
-) -> list[_Mesh]:
+def _meshes(file: GltfFile, pieces: Iterable[Piece], skeleton: Skeleton) -> list[_Mesh]:
     """The triangles of every node that has a mesh, one entry per primitive."""
     nodes = file.list_of("nodes")
     found: list[_Mesh] = []
-    for piece in scene.pieces():
+    for piece in pieces:
         skin, W = nodes[piece.node].get("skin"), None
         if skin is not None:
-            joints = len(skins[skin][0])
+            joints = len(skeleton.skins[skin][0])
             W = _weights(file, piece.attributes, len(piece.vertices), joints)
         found.append(_Mesh(piece.node, skin, piece.vertices, piece.triangles, W))
     return found
@@ -175,73 +156,8 @@ def _weights(file: GltfFile, attributes: dict[str, Any], count: int, joints: int
     )
 
 
-def _skin(file: GltfFile, index: int) -> tuple[list[int], FloatArray]:
-    """Joint nodes of a skin and their inverse bind matrices, shape [joints, 4, 4]."""
-    skin = file.list_of("skins")[index]
-    joints = file.items(skin, "joints", int)
-    count = len(file.list_of("nodes"))
-    if not 0 < len(joints) <= MAX_JOINTS:
-        raise file.error(f"skin {index} has {len(joints)} joints", f"allowed: 1 to {MAX_JOINTS}")
-    if not all(0 <= j < count for j in joints):
-        raise file.error(f"skin {index} names a node that is not there", f"0 to {count - 1}")
-    if "inverseBindMatrices" not in skin:
-        return joints, np.tile(np.eye(4), (len(joints), 1, 1))
-    matrices = file.accessor(skin, "inverseBindMatrices", "MAT4").astype(np.float64)
-    if len(matrices) < len(joints):
-        raise file.error(f"skin {index} has {len(matrices)} matrices for {len(joints)} joints")
-    matrices = matrices[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1)
-    if not np.isfinite(matrices).all():
-        raise file.error(f"skin {index} has bind matrices that are not finite")
-    return joints, matrices
-
-
-def _joint_nodes(parent: list[int], order: list[int], skinned: set[int]) -> list[int]:
-    """Nodes that become joints: the skins' own, those between them, and their common ancestor."""
-    below = [0] * len(parent)  # joints of skins at and below each node
-    for node in reversed(order):
-        below[node] += node in skinned
-        if parent[node] != -1:
-            below[parent[node]] += below[node]
-    shared = [node for node in order if below[node] == len(skinned)]  # one line, from the root
-    above = set(shared[:-1])
-    return [node for node in order if below[node] and node not in above]
-
-
 def _nearest_joint(parent: list[int], slot: Mapping[int, int], node: int) -> int | None:
     """The closest ancestor of a node that is a joint."""
     while node != -1 and node not in slot:
         node = parent[node]
     return None if node == -1 else node
-
-
-def _unique_names(file: GltfFile, joints: list[int]) -> list[str]:
-    """A name for each joint; nameless and repeated ones get their node's number."""
-    nodes = file.list_of("nodes")
-    names: list[str] = []
-    seen: set[str] = set()
-    for node in joints:
-        name = nodes[node].get("name")
-        name = name if isinstance(name, str) and name else "joint"
-        if name == "joint" or name in seen:
-            name = f"{name}_{node}"
-        seen.add(name)
-        names.append(name)
-    return names
-
-
-def _vrm_bones(file: GltfFile, names: Mapping[int, str]) -> dict[str, str]:
-    """Joint name of each humanoid bone that a VRM 0.x or 1.0 file declares itself."""
-    vrm = file.extensions.get("VRMC_vrm") or file.extensions.get("VRM") or {}
-    humanoid = vrm.get("humanoid") if isinstance(vrm, dict) else None
-    bones = humanoid.get("humanBones") if isinstance(humanoid, dict) else None
-    if isinstance(bones, dict):
-        entries = [(bone, entry) for bone, entry in bones.items() if isinstance(entry, dict)]
-    elif isinstance(bones, list):
-        entries = [(entry.get("bone"), entry) for entry in bones if isinstance(entry, dict)]
-    else:
-        entries = []
-    return {
-        bone: names[entry["node"]]
-        for bone, entry in entries
-        if bone in HUMANOID_BONES and isinstance(entry.get("node"), int) and entry["node"] in names
-    }

@@ -79,33 +79,41 @@ class Scene:
         Args:
             T_world_root: Transform of the scene in the world, shape [4, 4].
         """
-        file, nodes = self._file, self._nodes
-        T_world = np.zeros((len(nodes), 4, 4))
+        T_world = np.zeros((len(self._nodes), 4, 4))
         for n in self.order:
-            matrix = file.numbers(nodes[n], "matrix", 16)
-            if matrix is not None:
-                T = matrix.reshape(4, 4).T
-            else:
-                T = np.eye(4)
-                q = file.numbers(nodes[n], "rotation", 4)
-                if q is not None:
-                    length = np.linalg.norm(q)
-                    if not 1e-6 <= length <= 1e6:
-                        raise file.error(
-                            f"node {n} has the rotation {q.tolist()}", "unit quaternion"
-                        )
-                    T[:3, :3] = matrix_from_quaternion(q / length)
-                scale = file.numbers(nodes[n], "scale", 3)
-                if scale is not None:
-                    T[:3, :3] *= scale
-                translation = file.numbers(nodes[n], "translation", 3)
-                if translation is not None:
-                    T[:3, 3] = translation
             above = self.parent[n]
-            T_world[n] = (T_world_root if above == -1 else T_world[above]) @ T
+            T_world[n] = (T_world_root if above == -1 else T_world[above]) @ self.local(n)
         if not np.isfinite(T_world).all():
-            raise file.error("has node transforms that are not finite")
+            raise self._file.error("has node transforms that are not finite")
         return T_world
+
+    def local(self, n: int) -> FloatArray:
+        """The affine transform of a node in its parent's frame, shape [4, 4]."""
+        matrix = self._file.numbers(self._nodes[n], "matrix", 16)
+        if matrix is not None:
+            return matrix.reshape(4, 4).T
+        translation, rotation, scale = self.parts(n)
+        T = np.eye(4)
+        T[:3, :3] = matrix_from_quaternion(rotation) * scale
+        T[:3, 3] = translation
+        return T
+
+    def parts(self, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Translation [3], unit quaternion (x, y, z, w) and scale [3] of a node without matrix."""
+        file, node = self._file, self._nodes[n]
+        translation = file.numbers(node, "translation", 3)
+        q = file.numbers(node, "rotation", 4)
+        scale = file.numbers(node, "scale", 3)
+        if q is None:
+            q = np.array([0.0, 0.0, 0.0, 1.0])
+        length = np.linalg.norm(q)
+        if not 1e-6 <= length <= 1e6:
+            raise file.error(f"node {n} has the rotation {q.tolist()}", "unit quaternion")
+        return (
+            np.zeros(3) if translation is None else translation,
+            q / length,
+            np.ones(3) if scale is None else scale,
+        )
 
     def pieces(self) -> Iterator[Piece]:
         """The triangles of every node that has a mesh, in the order of the nodes.

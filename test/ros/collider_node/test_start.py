@@ -67,7 +67,7 @@ def test_first_values_are_waited_for(start_node, make_probe, until):
         return status and "first value" in status.message
 
     until(waits, "it waits for the other half")
-    assert probe.value(node, "rejected.name_missing") > 0
+    until(lambda: probe.value(node, "rejected.name_missing") > 0, "what came is counted")
     assert not feeder.found()
     message = feeder.answer(feeder.send(name=list(feeder.names[half:]), position=values[half:]))
     description = probe.listen(COLLIDER_DESCRIPTION)
