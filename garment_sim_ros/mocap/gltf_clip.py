@@ -141,12 +141,23 @@ def _text(name: Any) -> str:
 
 
 def _limbs(file: GltfFile, scene: Scene, channels: list[Channel]) -> set[int]:
-    """The nodes of a skeleton without skin: what is turned, and what hangs on it but meshes."""
+    """The nodes of a skeleton without skin: all that hang together with one that is turned.
+
+    Meshes and cameras are none, and neither is what holds the skeleton and stands still.
+    """
     nodes = file.list_of("nodes")
-    limbs = {channel.node for channel in channels if channel.path == "rotation"}
+    turned = {channel.node for channel in channels if channel.path == "rotation"}
+    root: dict[int, int] = {}
     for n in scene.order:
-        if scene.parent[n] in limbs and not {"mesh", "camera"} & nodes[n].keys():
-            limbs.add(n)
+        root[n] = root.get(scene.parent[n], n)
+    roots = {root[n] for n in turned}
+    shown = {n for n in root if {"mesh", "camera"} & nodes[n].keys()}
+    limbs = turned | ({n for n in root if root[n] in roots} - shown)
+    moved = {channel.node for channel in channels}
+    for n in scene.order:
+        below = [child for child in file.items(nodes[n], "children", int) if child in limbs]
+        if n in limbs and scene.parent[n] not in limbs and n not in moved and len(below) == 1:
+            limbs.remove(n)
     return limbs
 
 

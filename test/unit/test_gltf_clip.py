@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from garment_sim_ros.body.kinematics import ForwardKinematics
 from garment_sim_ros.body.loaders.gltf_file import GltfFile
 from garment_sim_ros.errors import InputFileError, ParameterError
+from garment_sim_ros.mocap.clip_name import file_and_animation
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.gltf_channels import Channel
 from garment_sim_ros.mocap.gltf_clip import load_gltf_clip
@@ -102,6 +103,18 @@ def test_an_armature_that_moves_moves_the_body(tmp_path):
     clip = load_gltf_clip(path)
     assert clip.rig.joint_names[0] == "Armature"
     check_against_nodes(path, clip, TIMES[0], 1e-5)
+
+
+def test_a_skeleton_is_whole_where_few_of_its_joints_move(tmp_path):
+    figure = Figure(4)
+    figure.json["nodes"][0]["children"].append(figure.add("nodes", {"name": "shirt", "mesh": 0}))
+    figure.add("nodes", {"name": "lamp"})
+    figure.add("meshes", {"primitives": []})
+    figure.animation()
+    figure.turn("LeftHand", TIMES, swing((1.0, 0.0, 0.0), 20.0 * TIMES))
+    clip = load_gltf_clip(figure.glb(tmp_path / "hand.glb"))
+    assert clip.rig.joint_names == tuple(BONES)
+    assert {name.rpartition("_")[0] for name in clip.rig.dofs.names} == {"LeftHand"}
 
 
 def test_bones_are_as_long_as_in_the_motion_and_those_that_slide_slide(tmp_path):
@@ -220,7 +233,17 @@ def test_one_of_several_animations(tmp_path):
     refused(load_clip, f"{tmp_path / 'none.glb'}:animation=0", match="none.glb.*exist|missing")
 
 
-def declared(extension, **names):
+def test_a_file_may_be_called_as_an_animation_would(tmp_path):
+    path = tmp_path / "a.glb:animation=0.glb"
+    walking().glb(path)
+    assert file_and_animation(path) == (str(path), None)
+    assert file_and_animation(f"{path}:animation=Move") == (str(path), "Move")
+    assert file_and_animation("b.VRM:animation=a") == ("b.VRM", "a")
+    assert file_and_animation("walk:animation=1") == ("walk:animation=1", None)
+    assert load_clip(path).name == load_clip(f"{path}:animation=0").name == "Move"
+
+
+def declared(extension):
     figure = walking(5)
     for k, node in enumerate(figure.json["nodes"]):
         node["name"] = f"J\t{k}"

@@ -271,6 +271,7 @@ def test_recordings_that_are_cut_short(recorded, outfit, tmp_path, capsys):
         (("--bag", "b", "--seconds", "1", "--out", "{}/o"), "--seconds: found without --clip"),
         (("--clip", "walk", "--begin-with", "joint_states", "--out", "{}/o"), "--begin-with: "),
         (("--clip", "walk", "walk", "--out", "{}/o"), "two inputs named 'walk'"),
+        (("--clip", *2 * ("a.glb:animation=A/b",), "--out", "{}/o"), "inputs named 'a_A_b'"),
         (("--clip", "walk", "--jobs", "0", "--out", "{}/o"), "--jobs: found 0"),
         (
             ("--clip", "walk", "--scheduler", "x:1:2", "--out", "{}/o"),
