@@ -85,6 +85,25 @@ class Figure(Builder):
         self.animate(self.node[name], "rotation", times, q, **how)
 
 
+TIMES = np.linspace(0.5, 2.5, 21)
+"""Keys of `walking` [s]."""
+
+
+def walking(seed=None, scale=1.0, size=1.0):
+    """A figure whose arm, knees and trunk turn while it goes along."""
+    figure = Figure(seed, scale, size)
+    figure.animation()
+    phase = np.pi * (TIMES - TIMES[0])
+    figure.turn("LeftUpperArm", TIMES, swing((0.0, 0.6, 0.8), 70.0 * np.sin(phase)))
+    figure.turn("RightLowerArm", TIMES, swing((0.0, 1.0, 0.0), 45.0 - 45.0 * np.cos(phase)))
+    figure.turn("LeftLowerLeg", TIMES, swing((1.0, 0.0, 0.0), 40.0 - 40.0 * np.cos(phase)))
+    figure.turn("RightUpperLeg", TIMES, swing((1.0, 0.0, 0.0), 30.0 * np.sin(phase)))
+    figure.turn("Spine", TIMES, swing((0.0, 1.0, 0.0), 20.0 * np.sin(phase)))
+    way = np.stack([0.1 * phase, 1.0 + 0.02 * np.sin(phase), 0.4 * phase], axis=1)
+    figure.animate(figure.node["Hips"], "translation", TIMES, way * size / scale)
+    return figure
+
+
 def swing(axis, degrees):
     """Rotations about an axis."""
     return Rotation.from_rotvec(np.radians(degrees)[:, None] * np.asarray(axis, np.float64))

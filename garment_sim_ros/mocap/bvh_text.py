@@ -14,11 +14,11 @@ import numpy as np
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.errors import InputFileError
 from garment_sim_ros.input_file import read_bytes
+from garment_sim_ros.mocap.clip_name import plain_name
 
 MAX_BYTES = 256 * 2**20
 _MAX_HIERARCHY_BYTES = 4 * 2**20
 _MAX_JOINTS = 650
-_MAX_NAME = 200
 _MAX_DEPTH = 300
 _MAX_COORDINATE = 1e6
 _CHUNK_BYTES = 4 * 2**20
@@ -100,7 +100,7 @@ def _parse_hierarchy(path: str | Path, text: str) -> BvhText:
                 raise InputFileError(
                     path, f"has more than {_MAX_JOINTS} joints", f"allowed: {_MAX_JOINTS}"
                 )
-            name = re.sub(r"[^!-~\u00a1-\uffff]", "_", "_".join(words[1:]))[:_MAX_NAME]
+            name = plain_name("_".join(words[1:]))
             seen[name] = seen.get(name, 0) + 1
             if seen[name] > 1:
                 bvh.notes.append(f"Joint name '{_cut(name)}' occurs again; renamed.")

@@ -55,7 +55,7 @@ def clip_in_metres(
     notes: list[str],
     end_sites: tuple[NamedVector, ...] = (),
     metres_per_unit: float | None = None,
-    says_metres: bool = False,
+    known_up: FloatArray | None = None,
 ) -> Clip:
     """A clip of channel values whose unit and axes are told from the body that they move.
 
@@ -69,12 +69,12 @@ def clip_in_metres(
         notes: What is known of the file already, one sentence each.
         end_sites: As in `Clip`, in the file's unit.
         metres_per_unit: As for `load_bvh`.
-        says_metres: Whether the file's format has metres, which are believed where they make a
-            body of some size.
+        known_up: The axis that is up in files whose format has one; it has metres, too, which are
+            believed where they make a body of some size.
     """
-    frame = file_frame(rig, mapping, values, dict(end_sites))
+    frame = file_frame(rig, mapping, values, dict(end_sites), known_up)
     notes = [*notes, *frame.notes]
-    if says_metres and _STATURE_IN_METRES[0] <= frame.stature <= _STATURE_IN_METRES[1]:
+    if known_up is not None and _STATURE_IN_METRES[0] <= frame.stature <= _STATURE_IN_METRES[1]:
         unit = 1.0
     else:
         unit = _unit(frame, metres_per_unit, notes)

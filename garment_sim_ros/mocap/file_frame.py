@@ -88,6 +88,7 @@ def file_frame(
     mapping: Mapping[str, str],
     values: FloatArray,
     end_sites: Mapping[str, tuple[float, float, float]],
+    known_up: FloatArray | None = None,
 ) -> FileFrame:
     """Work out unit, axes and reference pose.
 
@@ -96,6 +97,8 @@ def file_frame(
         mapping: Humanoid bone to joint name.
         values: Channel values [rad, file units], shape [f, d].
         end_sites: Joint name to where its bone ends [file units].
+        known_up: The axis that is up, where the file's format says so; then the zero pose is
+            believed to face as the body does.
     """
     kinematics = ForwardKinematics(rig)
     ends = {joint: np.array(offset) for joint, offset in end_sites.items()}
@@ -105,7 +108,7 @@ def file_frame(
     T = np.array([kinematics.from_dofs(values[i]).copy() for i in chosen])
     poses = [find_landmarks(rig, mapping, T_pose, known) for T_pose in T]
     notes: list[str] = []
-    up = _up_axis(zero, poses)
+    up = _up_axis(zero, poses) if known_up is None else known_up
     if up is None:
         up = np.array([0.0, 1.0, 0.0])
         notes.append("Legs and trunk are not known: +Y is taken to be up.")
@@ -115,13 +118,15 @@ def file_frame(
         best = calmest(poses, up)
         reference = values[chosen[best]].copy()
         notes.append(f"The zero pose is no body pose: frame {chosen[best] + 1} is the reference.")
-    forward = _forward_axis(poses[0], up)
+    faces = zero if known_up is not None and zero_stands else poses[0]
+    forward = _forward_axis(faces, up)
     if forward is None:
         rotation = AXES_FROM_Y_UP if up[1] > 0.5 else _rotation_to_up(up)
         notes.append(f"Up is {_axis_name(up)}; where the body faces is not known.")
     else:
         rotation = np.stack([forward, np.cross(up, forward), up])
-        notes.append(f"Up is {_axis_name(up)}, the body faces {_axis_name(forward)} at first.")
+        how = " at first" if faces is poses[0] else ""
+        notes.append(f"Up is {_axis_name(up)}, the body faces {_axis_name(forward)}{how}.")
     stature = _stature(rig, zero if zero_stands else None, mapping, ends, up)
     name = _unit_of(stature)
     return FileFrame(

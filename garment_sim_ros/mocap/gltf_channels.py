@@ -15,6 +15,13 @@ from garment_sim_ros.body.loaders.gltf_file import GltfFile
 
 _WIDTH = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}
 _WAYS = ("LINEAR", "STEP", "CUBICSPLINE")
+_MAX_NUMBERS = 20_000_000
+"""In the keys of all channels of an animation."""
+_STEP = 1.0 / 60.0
+_LONGEST_STEP = 1.0 / 20.0
+"""Between keys that are frames [s]."""
+_UNEVEN = 0.02
+"""How far they may be from where they were if they were even, as a share of their distance."""
 _NEAR = np.cos(1e-4)
 """Cosine of half the angle under which the chord is as good as the arc."""
 
@@ -100,6 +107,7 @@ def read_channels(file: GltfFile, animation: dict[str, Any]) -> list[Channel]:
     nodes = len(file.list_of("nodes"))
     channels: list[Channel] = []
     taken: set[tuple[int, str]] = set()
+    numbers = 0
     for channel in file.items(animation, "channels", dict):
         target = channel.get("target")
         if not isinstance(target, dict):
@@ -113,6 +121,9 @@ def read_channels(file: GltfFile, animation: dict[str, Any]) -> list[Channel]:
         taken.add((node, path))
         sampler = samplers[file.index(channel, "sampler", len(samplers))]
         channels.append(Channel(node, path, *_keys(file, sampler, path)))
+        numbers += channels[-1].times.size + channels[-1].values.size
+        if numbers > _MAX_NUMBERS:
+            raise file.error(f"has an animation of over {_MAX_NUMBERS} numbers")
     return channels
 
 
@@ -142,22 +153,29 @@ def _keys(
     return way, times, values
 
 
-def key_times(channels: Sequence[Channel], step: float, apart: float) -> FloatArray:
-    """The times of all keys, and some between those of cubic samplers.
+def frame_times(channels: Sequence[Channel]) -> tuple[float, int, float]:
+    """When to take samples, so that what lies between them is told well by straight ways.
 
-    Args:
-        channels: What moves.
-        step: Between cubic keys [s].
-        apart: Times that are nearer than this are one [s].
+    Keys that are evenly spaced, as a program writes them that has worked out all frames, are the
+    frames. Others are sampled at 60 Hz.
 
     Returns:
-        Increasing times [s], shape [f].
+        The first time [s], the number of frames, and from one to the next [s].
     """
-    found = [channel.times for channel in channels]
-    cubic = [channel.times for channel in channels if channel.way == "CUBICSPLINE"]
-    if cubic:
-        first, last = min(t[0] for t in cubic), max(t[-1] for t in cubic)
-        found.append(first + step * np.arange(1, int((last - first) / step) + 1))
-    times = np.unique(np.concatenate(found))
-    kept = np.concatenate([[True], np.diff(times) > apart])
-    return np.asarray(times[kept])
+    first = min(float(channel.times[0]) for channel in channels)
+    last = max(float(channel.times[-1]) for channel in channels)
+    longest = max(channels, key=lambda channel: len(channel.times)).times
+    steps = len(longest) - 1
+    if steps > 0 and (longest[0], longest[-1]) == (first, last):
+        step = (last - first) / steps
+        grid = first + step * np.arange(steps + 1, dtype=np.float64)
+        if step <= _LONGEST_STEP and all(_on(channel.times, grid, step) for channel in channels):
+            return first, steps + 1, step
+    count = max(int(np.ceil((last - first) / _STEP - 1e-6)), 0) + 1
+    return first, count, (last - first) / max(count - 1, 1)
+
+
+def _on(times: FloatArray, grid: FloatArray, step: float) -> bool:
+    """Whether all times are on an even grid, but for rounding."""
+    k = np.clip(np.round((times - grid[0]) / step).astype(np.int64), 0, len(grid) - 1)
+    return bool(np.abs(times - grid[k]).max() <= _UNEVEN * step)

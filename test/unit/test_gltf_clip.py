@@ -2,36 +2,15 @@
 
 import numpy as np
 import pytest
-from gltf_figure import BONES, Figure, nodes_at, swing
-from hostile.reading import refused
+from gltf_figure import BONES, TIMES, Figure, nodes_at, swing, walking
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from garment_sim_ros.body.kinematics import ForwardKinematics
 from garment_sim_ros.body.loaders.gltf_file import GltfFile
-from garment_sim_ros.errors import InputFileError, ParameterError
-from garment_sim_ros.mocap.clip_name import file_and_animation
-from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.gltf_channels import Channel
 from garment_sim_ros.mocap.gltf_clip import load_gltf_clip
-from garment_sim_ros.mocap.sampling import ClipSampler
-
-TIMES = np.linspace(0.5, 2.5, 21)
-
-
-def walking(seed=None, scale=1.0, size=1.0):
-    """A figure whose arm, knees and trunk turn while it goes along."""
-    figure = Figure(seed, scale, size)
-    figure.animation()
-    phase = np.pi * (TIMES - TIMES[0])
-    figure.turn("LeftUpperArm", TIMES, swing((0.0, 0.6, 0.8), 70.0 * np.sin(phase)))
-    figure.turn("RightLowerArm", TIMES, swing((0.0, 1.0, 0.0), 45.0 - 45.0 * np.cos(phase)))
-    figure.turn("LeftLowerLeg", TIMES, swing((1.0, 0.0, 0.0), 40.0 - 40.0 * np.cos(phase)))
-    figure.turn("RightUpperLeg", TIMES, swing((1.0, 0.0, 0.0), 30.0 * np.sin(phase)))
-    figure.turn("Spine", TIMES, swing((0.0, 1.0, 0.0), 20.0 * np.sin(phase)))
-    way = np.stack([0.1 * phase, 1.0 + 0.02 * np.sin(phase), 0.4 * phase], axis=1)
-    figure.animate(figure.node["Hips"], "translation", TIMES, way * size / scale)
-    return figure
+from garment_sim_ros.mocap.sampling import ClipSampler, rate_of
 
 
 def check_against_nodes(path, clip, start, atol):
@@ -83,6 +62,109 @@ def test_metres_are_believed_where_they_make_a_body(tmp_path, size, metres):
     head = T[clip.rig.index("Head"), 1, 3]
     assert head == pytest.approx(1.6 * size * metres, rel=1e-5)
     assert any("Unit taken" in note for note in clip.notes) == (metres != 1.0)
+
+
+@pytest.mark.parametrize("mirror", [(-1, 1, 1), (1, 1, -1), (-1, -1, -1)])
+def test_a_mirrored_armature_turns_as_its_image_does(tmp_path, mirror):
+    figure = walking(3)
+    figure.json["nodes"][0]["scale"] = list(mirror)
+    image = load_gltf_clip(figure.glb(tmp_path / "image.glb"))
+    plain = load_gltf_clip(walking(3).glb(tmp_path / "plain.glb"))
+    assert image.rig.joint_names == plain.rig.joint_names
+    S = np.diag(np.array(mirror, np.float64))
+    fk, of_image = ForwardKinematics(plain.rig), ForwardKinematics(image.rig)
+    for k in range(0, len(plain.times), 10):
+        T, T_image = fk.from_dofs(plain.values[k]), of_image.from_dofs(image.values[k])
+        np.testing.assert_allclose(T_image[:, :3, 3], T[:, :3, 3] @ S, atol=1e-5)
+        np.testing.assert_allclose(T_image[:, :3, :3], S @ T[:, :3, :3] @ S, atol=1e-5)
+
+
+def test_who_swims_does_not_stand(tmp_path):
+    """Up is y in any glTF file, also where nobody is ever upright."""
+    figure = Figure()
+    figure.animation()
+    figure.turn("Hips", TIMES, swing((1.0, 0.0, 0.0), np.full(21, 88.0)))
+    figure.turn("LeftUpperLeg", TIMES, swing((1.0, 0.0, 0.0), 20.0 * np.sin(9.0 * TIMES)))
+    clip = load_gltf_clip(figure.glb(tmp_path / "swims.glb"))
+    np.testing.assert_allclose(clip.T_world_file[:3, :3] @ [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
+    assert clip.reference is None
+    head = ForwardKinematics(clip.rig).from_dofs(clip.values[0])[clip.rig.index("Head"), :3, 3]
+    assert head[1] < 1.1  # as high as the hips
+
+
+def test_the_body_faces_as_it_rests_wherever_it_walks(tmp_path):
+    figure = walking()
+    turn = swing((0.0, 1.0, 0.0), np.full(21, 90.0)).as_quat()
+    figure.animate(0, "rotation", TIMES, turn)
+    clip = load_gltf_clip(figure.glb(tmp_path / "sideways.glb"))
+    np.testing.assert_allclose(clip.T_world_file[:3, :3] @ [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("keys", [[0.0, 1.0, 2.0, 3.0], [0.0, 0.001, 1.3, 3.0], [0.0, 3.0]])
+def test_few_keys_are_sampled_sixty_times_a_second(tmp_path, keys):
+    figure = Figure()
+    figure.animation()
+    figure.turn("Head", keys, swing((0.0, 0.0, 1.0), 20.0 * np.array(keys)))
+    clip = load_gltf_clip(figure.glb(tmp_path / "few.glb"))
+    assert rate_of(clip) == pytest.approx(60.0)
+    assert clip.duration == pytest.approx(3.0)
+
+
+def test_frames_that_a_program_worked_out_are_the_samples(tmp_path):
+    figure = Figure()
+    figure.animation()
+    times = np.arange(31) / 24.0
+    figure.turn("Head", times, swing((0.0, 0.0, 1.0), 20.0 * np.sin(times)))
+    figure.turn("Neck", times[[0, 5, 30]], swing((0.0, 0.0, 1.0), np.array([0.0, 5.0, 0.0])))
+    clip = load_gltf_clip(figure.glb(tmp_path / "baked.glb"))
+    assert rate_of(clip) == pytest.approx(24.0)
+    head = clip.values[:, clip.rig.dofs.names.index("Head_Zrotation")]
+    np.testing.assert_allclose(head, np.radians(20.0 * np.sin(times)), atol=1e-6)
+
+
+def test_steps_are_steps(tmp_path):
+    figure = Figure()
+    figure.animation()
+    turns = swing((0.0, 0.0, 1.0), np.array([0.0, 10.0, 20.0]))
+    figure.turn("Head", [0.0, 1.0, 2.0], turns, way="STEP")
+    clip = load_gltf_clip(figure.glb(tmp_path / "steps.glb"))
+    sampler, column = ClipSampler(clip), clip.rig.dofs.names.index("Head_Zrotation")
+    told = [np.degrees(sampler.sample(t)[column]) for t in (0.5, 0.98, 1.02, 1.98, 2.0)]
+    np.testing.assert_allclose(told, [0.0, 0.0, 10.0, 10.0, 20.0], atol=1e-4)
+
+
+def test_a_first_movement_is_no_inserted_pose(tmp_path):
+    figure = Figure()
+    figure.animation()
+    for side, sign in (("Left", -1.0), ("Right", 1.0)):
+        arms = swing((0.0, 0.0, 1.0), sign * np.array([0.0, 80.0, 80.0]))
+        figure.turn(f"{side}UpperArm", [0.0, 1.0, 2.0], arms)
+    clip = load_gltf_clip(figure.glb(tmp_path / "arms.glb"))
+    assert clip.duration == pytest.approx(2.0)
+    assert not any("Skipped" in note for note in clip.notes)
+
+
+def test_what_others_do_takes_no_time(tmp_path):
+    figure = walking()
+    hat = figure.add("nodes", {"name": "hat", "mesh": 0})
+    figure.add("meshes", {"primitives": []})
+    figure.animate(hat, "translation", [0.0, 500.0], np.zeros((2, 3)))
+    clip = load_gltf_clip(figure.glb(tmp_path / "hat.glb"))
+    assert clip.duration == pytest.approx(2.0)
+
+
+def test_the_hips_carry_the_body_wherever_they_stand_among_the_nodes(tmp_path):
+    figure = walking()
+    control = figure.add("nodes", {"name": "IK_Foot"})
+    figure.json["nodes"][0]["children"].insert(0, control)
+    figure.animate(control, "translation", TIMES, np.outer(np.sin(TIMES), [1.0, 0.0, 0.0]))
+    figure.animate(0, "translation", TIMES, np.zeros((21, 3)))
+    clip = load_gltf_clip(figure.glb(tmp_path / "controls.glb"))
+    sampler, kinematics = ClipSampler(clip, "carry"), ForwardKinematics(clip.rig)
+    hips = clip.rig.index("Hips")
+    z = [kinematics.from_dofs(sampler.sample(t))[hips, 2, 3] for t in (0.1, 1.9, 2.1, 3.9)]
+    assert z[3] - z[1] == pytest.approx(0.8 * np.pi, abs=0.05)
+    assert z[2] > z[1]
 
 
 def test_the_place_goes_on_from_round_to_round(tmp_path):
@@ -212,148 +294,3 @@ def test_between_cubic_keys_there_are_samples(tmp_path):
     told = 2.0 * np.arctan2(chord[2], chord[3])
     column = clip.rig.dofs.names.index("Head_Zrotation")
     assert ClipSampler(clip).sample(0.25)[column] == pytest.approx(told, abs=1e-4)
-
-
-def test_one_of_several_animations(tmp_path):
-    figure = Figure()
-    figure.animation("Open")
-    figure.animate(figure.node["Hips"], "translation", [0.0, 1.0], np.ones((2, 3)))
-    for name, last in (("Idle", 1.0), ("Run", 3.0)):
-        figure.animation(name)
-        figure.turn("Head", [0.0, last], swing((0.0, 0.0, 1.0), np.array([0.0, 30.0])))
-    path = figure.glb(tmp_path / "avatar.glb")
-    clip = load_clip(path)
-    assert (clip.name, clip.duration) == ("Idle", 1.0)
-    assert clip.notes[0] == ("Animation 1, 'Idle'; the file has 0: 'Open', 1: 'Idle', 2: 'Run'.")
-    for named in ("Run", "2"):
-        clip = load_clip(f"{path}:animation={named}")
-        assert (clip.name, clip.duration) == ("Run", 3.0)
-    refused(load_clip, f"{path}:animation=Walk", match="no animation 'Walk'.*'Idle', 2: 'Run'")
-    refused(load_clip, f"{path}:animation=0", match="no animation that turns a joint")
-    refused(load_clip, f"{tmp_path / 'none.glb'}:animation=0", match="none.glb.*exist|missing")
-
-
-def test_a_file_may_be_called_as_an_animation_would(tmp_path):
-    path = tmp_path / "a.glb:animation=0.glb"
-    walking().glb(path)
-    assert file_and_animation(path) == (str(path), None)
-    assert file_and_animation(f"{path}:animation=Move") == (str(path), "Move")
-    assert file_and_animation("b.VRM:animation=a") == ("b.VRM", "a")
-    assert file_and_animation("walk:animation=1") == ("walk:animation=1", None)
-    assert load_clip(path).name == load_clip(f"{path}:animation=0").name == "Move"
-
-
-def declared(extension):
-    figure = walking(5)
-    for k, node in enumerate(figure.json["nodes"]):
-        node["name"] = f"J\t{k}"
-    bones = {bone[0].lower() + bone[1:]: {"node": n} for bone, n in figure.node.items()}
-    humanoid = {"humanBones": bones}
-    if extension == "VRM":
-        humanoid = {"humanBones": [{"bone": b, **entry} for b, entry in bones.items()]}
-    figure.json["extensions"] = {extension: {"humanoid": humanoid}}
-    return figure
-
-
-@pytest.mark.parametrize("extension", ["VRM", "VRMC_vrm", "VRMC_vrm_animation"])
-def test_bones_that_the_file_declares_are_called_by_their_names(tmp_path, extension):
-    clip = load_clip(declared(extension).glb(tmp_path / "move.vrma"))
-    assert {"hips", "leftUpperArm", "rightToes"} <= set(clip.rig.joint_names)
-    assert not any("No joint name" in note for note in clip.notes)
-    assert clip.hinges
-
-
-def test_names_are_fit_for_topics_and_no_two_are_alike(tmp_path):
-    figure = walking()
-    for n, name in ((figure.node["LeftHand"], "a b"), (figure.node["RightHand"], "a\tb")):
-        figure.json["nodes"][n]["name"] = name
-    names = load_gltf_clip(figure.glb(tmp_path / "a.glb")).rig.joint_names
-    assert len(set(names)) == len(names)
-    assert sum(name.startswith("a_b") for name in names) == 2
-
-
-def test_what_else_an_animation_moves_is_left_out(tmp_path):
-    figure = walking()
-    (animation,) = figure.json["animations"]
-    animation["channels"] += [
-        {"sampler": 0, "target": {"path": "rotation"}},
-        {"sampler": 0, "target": {"path": "weights", "node": 3}},
-        {"sampler": 0, "target": {"path": "pointer", "extensions": {}}},
-    ]
-    assert load_gltf_clip(figure.glb(tmp_path / "a.glb")).duration == pytest.approx(2.0)
-
-
-def _sampler(figure, key, value):
-    figure.json["animations"][0]["samplers"][0][key] = value
-
-
-def _channel(figure, key, value):
-    figure.json["animations"][0]["channels"][0][key] = value
-
-
-def _replace(figure, key, array):
-    _sampler(figure, key, figure.accessor(np.asarray(array, np.float64), "f4"))
-
-
-def _far(figure):
-    node = figure.node["Spine"]
-    figure.animate(node, "translation", TIMES, np.full((len(TIMES), 3), 1e7))
-
-
-def _still(figure):
-    q = figure.json["nodes"][figure.node["Head"]].get("rotation")
-    figure.json["animations"] = []
-    figure.animation()
-    figure.animate(figure.node["Head"], "rotation", [0.0, 1.0], [q, q])
-
-
-@pytest.mark.parametrize(
-    ("damage", "words"),
-    [
-        (lambda f: f.json.update(animations=[]), "has no animation"),
-        (lambda f: f.json.update(animations=5), "animations is malformed"),
-        (lambda f: f.json["animations"][0].update(channels=[]), "no animation that turns"),
-        (lambda f: f.json["animations"][0].update(samplers=[]), "sampler is 0"),
-        (lambda f: _channel(f, "target", None), "has no target"),
-        (lambda f: _channel(f, "target", {"path": "rotation", "node": 99}), "node is 99"),
-        (lambda f: _channel(f, "sampler", -1), "sampler is -1"),
-        (lambda f: _sampler(f, "interpolation", "SMOOTH"), "is 'SMOOTH'; allowed: LINEAR, STEP"),
-        (lambda f: _sampler(f, "interpolation", "CUBICSPLINE"), "21 times and 21 values"),
-        (lambda f: _sampler(f, "interpolation", ["STEP"]), "allowed: LINEAR"),
-        (lambda f: _sampler(f, "output", 10**6), "output is 1000000"),
-        (lambda f: _replace(f, "output", np.ones((21, 3))), "has type 'VEC3'"),
-        (lambda f: _replace(f, "output", np.full((21, 4), np.nan)), "not finite"),
-        (lambda f: _replace(f, "input", np.zeros(21)), "times do not increase"),
-        (lambda f: _replace(f, "input", [*range(20), np.inf]), "times do not increase"),
-        (lambda f: _replace(f, "input", 1e6 * np.arange(21)), "s long"),
-        (lambda f: f.json["nodes"][6].update(matrix=np.eye(4).ravel().tolist()), "has a matrix"),
-        (lambda f: f.turn("LeftUpperArm", [0.0], swing((1.0, 0, 0), np.ones(1))), "twice"),
-        (_far, "out of all bounds"),
-        (_still, "no joint moves"),
-    ],
-)
-def test_damaged_animations_are_refused(tmp_path, damage, words):
-    figure = walking()
-    damage(figure)
-    refused(load_gltf_clip, figure.glb(tmp_path / "walk.glb"), match=words)
-
-
-def test_too_many_numbers_are_refused_before_they_are_made(tmp_path):
-    figure = Figure()
-    figure.animation()
-    flat = np.tile([0.0, 0.0, 0.0, 1.0], (2, 3, 1)).reshape(6, 4)
-    figure.animate(figure.node["Head"], "rotation", [0.0, 8e4], flat, way="CUBICSPLINE")
-    refused(load_gltf_clip, figure.glb(tmp_path / "long.glb"), match="joints in .* frames")
-
-
-def test_options_out_of_range(tmp_path):
-    path = walking().glb(tmp_path / "walk.glb")
-    with pytest.raises(ParameterError, match="skip_t_pose"):
-        load_gltf_clip(path, skip_t_pose="perhaps")
-    with pytest.raises(InputFileError, match="not glTF"):
-        load_clip(_text(tmp_path / "a.glb"))
-
-
-def _text(path):
-    path.write_text("nothing")
-    return path
