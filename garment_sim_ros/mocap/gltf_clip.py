@@ -35,6 +35,8 @@ _LONGEST = 24.0 * 3600.0
 _MAX_COORDINATE = 1e6
 _AT_ONCE = 200
 """Frames whose transforms are in memory together."""
+_MAX_TRIED = 16
+"""Animations of which it is seen whether they move the skeleton."""
 _STILL = 1e-6
 """Changes of a quaternion's numbers that are none."""
 
@@ -83,10 +85,9 @@ class _Motion:
         file: GltfFile,
         scene: Scene,
         pieces: list[Piece],
-        animation: dict[str, Any],
+        channels: list[Channel],
         overrides: Mapping[str, str | None] | None,
     ) -> None:
-        channels = read_channels(file, animation)
         self.skeleton = read_skeleton(
             file, scene, pieces, np.eye(4), _limbs(file, scene, channels)
         )
@@ -107,14 +108,6 @@ class _Motion:
                 node = scene.parent[node]
         self.channels = [channel for channel in channels if channel.node in self.way]
 
-    @property
-    def moves(self) -> bool:
-        """Whether anything turns."""
-        return any(
-            channel.path == "rotation" and np.ptp(channel.values, axis=0).max() > _STILL
-            for channel in self.channels
-        )
-
 
 def _load(
     file: GltfFile,
@@ -130,14 +123,21 @@ def _load(
     names = [name if isinstance(name := a.get("name"), str) else "" for a in animations]
     known = ", ".join(f"{i}: {name!r:.60}" for i, name in enumerate(names[:20]))
     found: tuple[int, _Motion] | None = None
+    tried = 0
     for i in _numbers(file, asked, names, known):
-        motion = _Motion(file, scene, pieces, animations[i], overrides)
-        if motion.moves and (found is None or "hips" in motion.mapping):
+        channels = read_channels(file, animations[i])
+        if tried == _MAX_TRIED or (asked is None and not _turn(channels)):
+            continue
+        tried += 1
+        motion = _Motion(file, scene, pieces, channels, overrides)
+        if not motion.channels or (asked is None and not _turn(motion.channels)):
+            continue
+        if found is None or "hips" in motion.mapping:
             found = i, motion
-        if motion.moves and ("hips" in motion.mapping or motion.skeleton.skins):
+        if "hips" in motion.mapping or motion.skeleton.skins:
             break
     if found is None:
-        which = f"no joint that turns in animation {asked!r:.60}"
+        which = f"no joint that moves in animation {asked!r:.60}"
         raise file.error(
             f"has {'no animation in which a joint turns' if asked is None else which}",
             f"found {known}",
@@ -159,6 +159,14 @@ def _load(
         mapping=motion.mapping,
         notes=[f"Animation {i}, {names[i]!r:.60}{others}.", *motion.skeleton.notes],
         known_up=_UP,
+    )
+
+
+def _turn(channels: list[Channel]) -> bool:
+    """Whether anything turns."""
+    return any(
+        channel.path == "rotation" and np.ptp(channel.values, axis=0).max() > _STILL
+        for channel in channels
     )
 
 

@@ -30,7 +30,10 @@ def test_an_animation_of_the_skeleton_is_taken(tmp_path):
     path = figure.glb(tmp_path / "scene.glb")
     clip = load_clip(path)
     assert clip.notes[0].startswith("Animation 3, 'Nod'")
-    refused(load_clip, f"{path}:animation=TPose", match="no joint that turns in animation 'TPose'")
+    refused(load_clip, f"{path}:animation=TPose", match="no joint moves")
+    refused(
+        load_clip, f"{path}:animation=Camera", match="no joint that moves in .* 'Camera'.*'Nod'"
+    )
 
 
 def test_names_of_joints_in_a_file_of_bone_names_are_those_of_the_file(tmp_path):
@@ -97,6 +100,33 @@ def test_hostile_sizes_are_refused_soon(tmp_path, grow, words):
         refused(load_gltf_clip, path, match=words)
 
 
+def test_one_pose_is_a_clip(tmp_path):
+    figure = Figure(2)
+    figure.animation("Pose")
+    figure.turn("LeftUpperArm", [0.0], swing((0.0, 0.0, 1.0), np.array([-70.0])))
+    path = figure.glb(tmp_path / "pose.glb")
+    clip = load_clip(f"{path}:animation=Pose")
+    assert len(clip.times) == 1
+    column = clip.rig.dofs.names.index("LeftUpperArm_Zrotation")
+    assert np.degrees(clip.values[0, column]) == pytest.approx(-70.0, abs=1e-3)
+    refused(load_clip, path, match="no animation in which a joint turns; found 0: 'Pose'")
+
+
+def test_many_animations_of_others_take_no_time(tmp_path):
+    """A skeleton is looked at for few of them."""
+    figure = Figure()
+    nodes = figure.json["nodes"]
+    nodes += [{"name": str(k)} for k in range(2000)]
+    figure.animation()
+    figure.animate(len(nodes) - 1, "rotation", [0.0, 1.0], np.eye(4)[:2])
+    figure.json["animations"] *= 5000
+    path = figure.glb(tmp_path / "many.glb")
+    with bounded():
+        clip = load_clip(path)
+    assert clip.rig.joint_names == ("1999",)
+    assert any("only drive a body of the same names" in note for note in clip.notes)
+
+
 def test_one_of_several_animations(tmp_path):
     figure = Figure()
     figure.animation("Open")
@@ -112,7 +142,7 @@ def test_one_of_several_animations(tmp_path):
         clip = load_clip(f"{path}:animation={named}")
         assert (clip.name, clip.duration) == ("Run", 3.0)
     refused(load_clip, f"{path}:animation=Walk", match="no animation 'Walk'.*'Idle', 2: 'Run'")
-    refused(load_clip, f"{path}:animation=0", match="no joint that turns in animation '0'.*'Run'")
+    refused(load_clip, f"{path}:animation=0", match="no joint that moves in animation '0'.*'Run'")
     refused(load_clip, f"{tmp_path / 'none.glb'}:animation=0", match="none.glb.*exist|missing")
 
 
