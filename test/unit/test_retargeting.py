@@ -175,7 +175,7 @@ def test_bent_rest_elbow_is_straightened():
 
 def test_hinges_that_are_told_win():
     """An upper arm whose elbow axis is turned by 30 degrees turns the target's arm by as much."""
-    source, target = rig_of(person("hanging")), body_of(person("hanging"))
+    source, target = rig_of(person("hanging", leg=0.45)), body_of(person("hanging"))
     s, c = np.sin(np.radians(30)), np.cos(np.radians(30))
     told = SourceReference(hinges={"leftUpperArm": np.array([s, -c, 0.0])})
     q = np.zeros(len(source.dofs))
