@@ -1,9 +1,10 @@
 """The skeleton: joints, parents, rest transforms and one-degree-of-freedom channels."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from garment_sim_ros.arrays import FloatArray, IntArray
 from garment_sim_ros.errors import GeometryError
@@ -55,6 +56,24 @@ class Dofs:
             mimic_source=np.zeros(0, np.int32),
             mimic_multiplier=empty,
             mimic_offset=empty,
+        )
+
+    @classmethod
+    def free(
+        cls, names: Sequence[str], joint: Sequence[int], kind: Sequence[int], axis: ArrayLike
+    ) -> "Dofs":
+        """Channels without limits that follow no others; arguments as the attributes."""
+        d = len(names)
+        return cls(
+            names=tuple(names),
+            joint=np.array(joint, np.int32),
+            kind=np.array(kind, np.int8),
+            axis=np.array(axis),
+            lower=np.full(d, -np.inf),
+            upper=np.full(d, np.inf),
+            mimic_source=np.full(d, -1, np.int32),
+            mimic_multiplier=np.ones(d),
+            mimic_offset=np.zeros(d),
         )
 
     def __len__(self) -> int:

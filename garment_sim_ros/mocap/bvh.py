@@ -88,18 +88,7 @@ def _rig_in_file_units(text: BvhText, notes: list[str]) -> tuple[Rig, FloatArray
             axis.append(np.eye(3)["XYZ".index(channels[c][0])])
             columns.append(first + c)
         first += len(channels)
-    d = len(names)
-    dofs = Dofs(
-        names=tuple(names),
-        joint=np.array(joint, np.int32),
-        kind=np.array(kind, np.int8),
-        axis=np.array(axis),
-        lower=np.full(d, -np.inf),
-        upper=np.full(d, np.inf),
-        mimic_source=np.full(d, -1, np.int32),
-        mimic_multiplier=np.ones(d),
-        mimic_offset=np.zeros(d),
-    )
+    dofs = Dofs.free(names, joint, kind, axis)
     values = text.values[:, columns]
     values[:, dofs.kind == ROTATION] *= np.pi / 180.0
     T = np.tile(np.eye(4), (len(text.names), 1, 1))

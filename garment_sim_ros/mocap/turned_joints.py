@@ -88,18 +88,7 @@ def rig_of(names: Sequence[str], parent: IntArray, turned: Turned) -> tuple[Rig,
                 add(j, ROTATION, "XYZ".index(letter), angles[:, k])
     if not columns:
         raise GeometryError("has an animation in which no joint moves")
-    d = len(dof_names)
-    dofs = Dofs(
-        names=tuple(dof_names),
-        joint=np.array(joint, np.int32),
-        kind=np.array(kind, np.int8),
-        axis=np.array(axis),
-        lower=np.full(d, -np.inf),
-        upper=np.full(d, np.inf),
-        mimic_source=np.full(d, -1, np.int32),
-        mimic_multiplier=np.ones(d),
-        mimic_offset=np.zeros(d),
-    )
+    dofs = Dofs.free(dof_names, joint, kind, axis)
     rig = Rig(
         joint_names=tuple(names), parent=np.array(parent, np.int32), T_parent_joint=T, dofs=dofs
     )

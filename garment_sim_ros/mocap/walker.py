@@ -64,23 +64,15 @@ def walker_rig(height: float) -> Rig:
     T = np.tile(np.eye(4), (len(joints), 1, 1))
     T[:, :3, 3] = [offset for _, _, offset in joints]
     channels = [(j, c) for j, name in enumerate(names) for c in _channels_of(name)]
-    d = len(channels)
     return Rig(
         joint_names=tuple(names),
         parent=np.array([names.index(above) if above else -1 for _, above, _ in joints], np.int32),
         T_parent_joint=T,
-        dofs=Dofs(
-            names=tuple(f"{names[j]}_{c}" for j, c in channels),
-            joint=np.array([j for j, _ in channels], np.int32),
-            kind=np.array(
-                [TRANSLATION if c.endswith("position") else ROTATION for _, c in channels], np.int8
-            ),
-            axis=np.array([np.eye(3)["XYZ".index(c[0])] for _, c in channels]),
-            lower=np.full(d, -np.inf),
-            upper=np.full(d, np.inf),
-            mimic_source=np.full(d, -1, np.int32),
-            mimic_multiplier=np.ones(d),
-            mimic_offset=np.zeros(d),
+        dofs=Dofs.free(
+            [f"{names[j]}_{c}" for j, c in channels],
+            [j for j, _ in channels],
+            [TRANSLATION if c.endswith("position") else ROTATION for _, c in channels],
+            [np.eye(3)["XYZ".index(c[0])] for _, c in channels],
         ),
     )
 
