@@ -2,6 +2,7 @@
 
     python bench/worn.py [--clip F ...] [--body F ...] [--outfit F ...] [--variant V ...]
         [--out DIR] [--jobs N] [--pictures] [--seconds S] [--solver S] [--preset P]
+        [--set NODE.PARAM=VALUE ...]
 
 Simulated offline, so without overload but where a variant asks for it. Without options: the
 mannequin at three heights and the bodies with a rig of the shared data, all its clips in full, the
@@ -74,7 +75,7 @@ SHIRT = "tshirt_female.obj"
 MESHES = (f"{SHIRT}+skirt_short_female.obj", f"{SHIRT}+skirt_long_female.obj")
 OUTFITS = ("tshirt_short_skirt", "tshirt_long_skirt", *MESHES, "trousers_female.obj")
 VARIANTS = ("plain", "2x", "15hz", "stalls")
-KEY = ("body", "outfit", "clip", "variant", "solver", "preset", "seconds")
+KEY = ("body", "outfit", "clip", "variant", "solver", "preset", "set", "seconds")
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,7 @@ class Asked:
     variant: str
     solver: str
     preset: str
+    set: str
     seconds: float
     pictures: str
 
@@ -175,6 +177,7 @@ def as_known(joints: list, every: int) -> list:
 
 def run(asked: Asked) -> dict:
     """Plays one clip and gives the figures."""
+    choice = chosen(asked.preset, asked.set.split())
     body = load_body(found(asked.body, "bodies"))
     clip = load_clip(found(asked.clip, "mocap"))
     retargeter = Retargeter(
@@ -182,8 +185,8 @@ def run(asked: Asked) -> dict:
     )
     with tempfile.TemporaryDirectory() as folder:
         source = outfit_file(asked.outfit, Path(folder))
-        usual = chosen(asked.preset).values("collider_node", ColliderOptions)
-        options = read_outfit(source).colliders_on(validated(ColliderOptions, usual))
+        options = validated(ColliderOptions, choice.values("collider_node", ColliderOptions))
+        options = read_outfit(source).colliders_on(options)
         colliders = fit_colliders(body, options)
         garments = load_outfit(source, body, colliders=colliders).garments
     poser, skinner = ColliderPoser(colliders, body), Skinner(body.skin)
@@ -199,7 +202,8 @@ def run(asked: Asked) -> dict:
     play, every = steps.get(asked.variant, (plain, 1))
     joints = as_known(joints, every)
     path = [poser.poses(T).copy() for T in joints]
-    simulation = Simulation(garments, colliders, preset=asked.preset, solver=asked.solver)
+    given = {"solver": asked.solver, **choice.given("cloth_node")}
+    simulation = Simulation(garments, colliders, **given)
     meshes = {g.name: GarmentMesh.of(g) for g in garments}
     skin = (body.skin.vertices, body.skin.triangles)
     meter = ClothMeter(*skin, meshes, OwnSides.of(garments, body))
@@ -300,7 +304,7 @@ def table(rows: list[dict]) -> str:
     groups: dict[tuple, list[dict]] = {}
     for row in rows:
         if "error" not in row:
-            key = (row["body"], row["outfit"], row["variant"], row["solver"])
+            key = (row["body"], row["outfit"], row["variant"], f"{row['solver']} {row['set']}")
             groups.setdefault(key, []).append(row)
     lines = [
         "| body | outfit | variant | solver | clips | pierced in | worst share (clip) | mean "
@@ -319,7 +323,7 @@ def table(rows: list[dict]) -> str:
             body.removesuffix(".glb"),
             Path(outfit).name.replace("_female.obj", ""),
             variant,
-            solver,
+            solver.strip(),
             str(len(group)),
             str(sum(r[share] > 0 for r in group)),
             f"{worst[share]:.2f} ({Path(worst['clip']).stem})" if worst[share] else "0",
@@ -358,21 +362,23 @@ def main() -> None:
     parser.add_argument("--solver", default="xpbd")
     of_levels = [name for name in PRESETS if name != "auto"]
     parser.add_argument("--preset", default="balanced", choices=of_levels)
+    parser.add_argument("--set", nargs="+", default=[], metavar="NODE.PARAM=VALUE")
     parser.add_argument("--seconds", type=float, default=0.0, help="0: the whole clip")
     parser.add_argument("--out", type=Path, default=Path("out/worn"))
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--pictures", nargs="?", const="", help="folder; DIR/pictures without")
     options = parser.parse_args()
     clips = options.clip or sorted(p.name for p in (DATA / "mocap").glob("*.bvh")) or ["walk"]
+    chosen(options.preset, options.set)  # a word that is not allowed ends it here
     options.out.mkdir(parents=True, exist_ok=True)
     file = options.out / "runs.jsonl"
-    rows = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
+    lines = file.read_text().splitlines() if file.exists() else []
+    rows = [{"set": "", **json.loads(line)} for line in lines]
     done = [[row[name] for name in KEY] for row in rows]
-    pictures = options.pictures
-    if pictures is not None:
-        pictures = pictures or str(options.out / "pictures")
+    here = {None: "", "": str(options.out / "pictures")}
+    how = (" ".join(options.set), options.seconds, here.get(options.pictures, options.pictures))
     asked = [
-        Asked(*of, options.solver, options.preset, options.seconds, pictures or "")
+        Asked(*of, options.solver, options.preset, *how)
         for of in itertools.product(options.body, options.outfit, clips, options.variant)
     ]
     left = [a for a in asked if a.key() not in done]
@@ -387,6 +393,7 @@ def main() -> None:
     failed = [row for row in rows if "error" in row]
     for row in failed:
         print(f"failed: {row['body']} {row['outfit']} {row['clip']}: {row['error']}")
+    raise SystemExit(bool(failed))
 
 
 if __name__ == "__main__":

@@ -124,7 +124,7 @@ def _table(summary: dict[str, Any]) -> str:
         ),
         (
             "still worn",
-            f"pierced {_percent(s['pierced'])} of the frames, inside "
+            f"pierced {_percent(s['pierced'], 2)} of the frames, inside "
             f"{_percent(s['inside_p99'])} of the cloth (p99)",
         ),
         ("gap to the skin", f"{_number(s['gap_mm_median'])} mm (median)"),
@@ -150,5 +150,5 @@ def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f}"
 
 
-def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{100.0 * value:.1f} %"
+def _percent(value: float | None, digits: int = 1) -> str:
+    return "-" if value is None else f"{100.0 * value:.{digits}f} %"

@@ -111,7 +111,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             draw_fit(body, colliders, stage / args.preview.name)
     if args.preview_regions:
         with staged(args.preview_regions.parent, "--preview-regions") as stage:
-            draw_regions(body, args.segmentation, stage / args.preview_regions.name)
+            draw_regions(body, options, stage / args.preview_regions.name)
     counts = ", ".join(f"{count} {kind}" for kind, count in report["colliders"].items())
     print(f"{args.out}: {counts}")
     print(

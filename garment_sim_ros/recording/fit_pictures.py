@@ -7,6 +7,7 @@ import numpy as np
 from PIL import Image
 
 from garment_sim_ros.body.skin import Body
+from garment_sim_ros.collider_params import EllipsoidSettings
 from garment_sim_ros.colliders.ellipsoids.ellipsoids import segment_body
 from garment_sim_ros.colliders.ellipsoids.thresholds import REGIONS
 from garment_sim_ros.colliders.posing import ColliderPoser
@@ -36,8 +37,8 @@ def draw_fit(body: Body, colliders: ColliderSet, path: Path) -> None:
     _views([[skin], fitted, fitted], (_FRONT, _FRONT, _SIDE), path)
 
 
-def draw_regions(body: Body, segmentation: str, path: Path) -> None:
-    """Draw the skin from front and back, one colour per region.
+def draw_regions(body: Body, settings: EllipsoidSettings, path: Path) -> None:
+    """Draw the skin from front and back, one colour per region that ellipsoids are fitted to.
 
     A triangle has the colour of most of its corners.
 
@@ -45,7 +46,9 @@ def draw_regions(body: Body, segmentation: str, path: Path) -> None:
         GeometryError: The body is no human.
         ParameterError: A segmentation without regions.
     """
-    region = segment_body(body, segmentation).region[body.skin.triangles]
+    s = settings
+    divided = segment_body(body, s.segmentation, sex=s.sex, paths=s.paths)
+    region = divided.region[body.skin.triangles]
     of_triangle = np.where(region[:, 1] == region[:, 2], region[:, 1], region[:, 0])
     surfaces = [
         Surface(

@@ -24,6 +24,7 @@ from garment_sim_ros.ros.diagnostics import Condition
 from garment_sim_ros.ros.dresser import Dressed, Dresser
 from garment_sim_ros.ros.garment_publishers import warm_up
 from garment_sim_ros.ros.lifecycle import ManagedNode
+from garment_sim_ros.ros.overload import Overload
 from garment_sim_ros.ros.pace import Pace, check_pace
 from garment_sim_ros.ros.place import ALONE, Place
 from garment_sim_ros.ros.process import run
@@ -73,6 +74,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         self._still_dressing: Thread | None = None
         self._paused = self._forces_are_new = False
         self._moved_ahead, self._spent = False, 0.0
+        self._overload = Overload(self.get_logger().warning)
         self.shown = ClothFrames(self)
         self.create_service(Trigger, "~/reset", self._reset)
         self.create_service(SetBool, "~/pause", self._pause)
@@ -206,9 +208,11 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         health = [stepper.simulation.health(name) for name in stepper.simulation.names]
         silent = self._poses.silent()
         stale = silent > self.parameters.stale_after
-        text = "paused" if self._paused else "simulates"
+        lost = self._overload.look(stepper.coarse, stepper.skipped, time.monotonic_ns())
+        text = "; ".join(filter(None, ("paused" if self._paused else "simulates", lost)))
         return Condition(
             text=f"no usable {COLLIDER_POSES.name} for {silent:.1f} s" if stale else text,
+            well=not lost,
             stale=stale,
             values={
                 "input_age_s": silent,

@@ -62,6 +62,8 @@ class Topic:
         )
 
 
+# Best effort hears every publisher. "Best available" is settled when a node subscribes, as
+# reliable where nobody publishes yet: a driver that comes later would never be heard.
 JOINT_STATES = Topic(name="joint_states", type=JointState, depth=10, subscribed_reliably=False)
 ROBOT_DESCRIPTION = Topic(name="robot_description", type=String, depth=1, latched=True)
 CLOCK = Topic(name="/clock", type=Clock, depth=10)

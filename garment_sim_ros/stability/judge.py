@@ -87,6 +87,8 @@ def judge(scene: Scene, solver: str, settings: Any = None) -> Outcome:
         calm.seen.add(run.strain, 0, 0)
         if n * scene.frame > RECOVER:
             calm.back.add(run.strain, run.pierced, run.let_go)
+        else:
+            calm.resets, calm.mended = run.resets, run.mended
     return _verdict(scene, (still, place), run, seen, calm)
 
 
@@ -101,6 +103,8 @@ class _Calm:
         speed: RMS speed [m/s].
         seen: The worst stretch.
         back: The worst of all after `RECOVER`.
+        resets: Times that a garment had been put back until then.
+        mended: Particles that had been put right until then.
     """
 
     outer: list[float]
@@ -109,6 +113,8 @@ class _Calm:
     speed: list[float] = field(default_factory=list)
     seen: Seen = field(default_factory=Seen)
     back: Seen = field(default_factory=Seen)
+    resets: int = 0
+    mended: int = 0
 
 
 def _verdict(
@@ -118,6 +124,7 @@ def _verdict(
     figures: dict[str, float] = {
         "resets": run.resets,
         "mended": run.mended,
+        "rewound": run.rewound,
         "rejected": run.rejected,
         "farthest": run.farthest / scene.size,
     }
@@ -125,9 +132,10 @@ def _verdict(
         return Outcome(faults=("not finite",), figures=figures)
     faults = []
     may_break = scene.broken or scene.jump is not None
-    if run.resets and not may_break:
+    # What nothing finite can follow may be put right, but not for ever.
+    if run.resets > (calm.resets if may_break else 0):
         faults.append("reset")
-    if run.mended and not may_break:
+    if run.mended > (calm.mended if may_break else 0):
         faults.append("mended")
     if run.farthest > BOX * scene.size:
         faults.append("out of bounds")

@@ -70,17 +70,18 @@ def table(rows: Sequence[Row]) -> str:
         said = " | ".join(words(row.outcomes[s]) for s in solvers)
         lines.append(f"| {'' if row.extreme == last else row.extreme} | {row.value} | {said} |")
         last = row.extreme
-    held = held_by(rows)
-    tried = sum(not row.skipped for row in rows)
-    lines.append(f"| **held** | of {tried} | {' | '.join(str(held[s]) for s in solvers)} |")
+    tried = [row for row in rows if not row.skipped]
+    refused = {s: sum(bool(row.outcomes[s].refused) for row in tried) for s in solvers}
+    for name, of, count in (("held", f"of {len(tried)}", held_by(rows)), ("refused", "", refused)):
+        if name == "held" or any(count.values()):
+            lines.append(f"| **{name}** | {of} | {' | '.join(str(count[s]) for s in solvers)} |")
     return "\n".join(lines) + "\n"
 
 
 def held_by(rows: Sequence[Row]) -> dict[str, int]:
-    """In how many cells each solver holds."""
-    tried = [row for row in rows if not row.skipped]
+    """In how many cells each solver holds; what it refuses it does not hold."""
     solvers = list(rows[0].outcomes)
-    return {s: sum(not row.outcomes[s].faults for row in tried) for s in solvers}
+    return {s: sum(grade(row.outcomes[s]) == "holds" for row in rows) for s in solvers}
 
 
 def picture(rows: Sequence[Row], path: Path) -> None:

@@ -112,6 +112,12 @@ class Run:
         return sum(self.simulation.health(n).recovered for n in self.simulation.names)
 
     @property
+    def rewound(self) -> int:
+        """Times that a garment, or a part of one, was wound back, as a limb stayed in it."""
+        health = [self.simulation.health(n) for n in self.simulation.names]
+        return sum(h.rewound + h.rewound_parts for h in health)
+
+    @property
     def let_go(self) -> int:
         """Particles whose contact is dropped."""
         return sum(self.simulation.health(n).let_go for n in self.simulation.names)

@@ -29,6 +29,7 @@ from garment_sim_ros.ros.serialize import Joints
 from garment_sim_ros.ros.topics import (
     COLLIDER_DESCRIPTION,
     COLLIDER_POSES,
+    DIAGNOSTICS,
     GARMENT_POINTS,
     JOINT_STATES,
     QUALITY,
@@ -145,7 +146,12 @@ def test_a_process_that_stood_still_keeps_its_garments(command, make_probe, unti
         until(lambda: probe.diagnostics(cloth) is not before, "diagnostics")
         return {k: probe.value(cloth, k) for k in ("resets", "time_jumps", "skipped_s")}
 
+    def warnings_of(node, topic):
+        of_all = (status for message in probe.received(topic) for status in message.status)
+        return [s.message for s in of_all if s.name == node.full_name and s.level != s.OK]
+
     before = counted()
+    told = probe.listen(DIAGNOSTICS)
     for _ in range(2):
         process.send(signal.SIGSTOP)
         stood = time.monotonic()
@@ -153,6 +159,8 @@ def test_a_process_that_stood_still_keeps_its_garments(command, make_probe, unti
         process.send(signal.SIGCONT)
         probe.next(points, 30)
     after = counted()
+    until(lambda: any("passed over" in text for text in warnings_of(cloth, told)), "a warning")
+    until(lambda: "too slow" in process.said, "a line in the log")
     assert after["skipped_s"] > before["skipped_s"]
     assert (after["resets"], after["time_jumps"]) == (before["resets"], before["time_jumps"])
 

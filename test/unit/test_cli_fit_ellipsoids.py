@@ -32,6 +32,19 @@ def test_writes_ellipsoids_and_what_was_assumed(tmp_path, capsys):
     assert json.loads(lines[-1])["ellipsoid_fit"]["ellipsoids"] == 30
 
 
+def test_regions_are_drawn_as_ellipsoids_are_fitted_to_them(tmp_path):
+    """The columns of Table 1 and the two kinds of ways give other regions, so other pictures."""
+    pictures = []
+    for n, words in enumerate(([], ["--sex", "male"], ["--paths", "edges"])):
+        picture = tmp_path / f"{n}.png"
+        words += ["--segmentation", "table1", "--max-ellipsoids", "15"]
+        words += ["--preview-regions", str(picture)]
+        assert cli.main([*WORDS, *words, "--out", str(tmp_path / "c.json")]) == 0
+        pictures.append(np.asarray(Image.open(picture), int))
+    changed = [(abs(p - pictures[0]) > 8).any(axis=2).mean() for p in pictures[1:]]
+    assert min(changed) > 1e-3
+
+
 @pytest.mark.parametrize(
     ("words", "named"),
     [

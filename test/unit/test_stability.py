@@ -18,7 +18,7 @@ from garment_sim_ros.stability.drawn import COUNT, drawn_cells
 from garment_sim_ros.stability.energy import Energy
 from garment_sim_ros.stability.extremes import Scene, curtain, garment, sheet, worn_on
 from garment_sim_ros.stability.judge import Outcome, judge
-from garment_sim_ros.stability.map import Row, grade, picture, table
+from garment_sim_ros.stability.map import Row, grade, held_by, picture, table
 from garment_sim_ros.stability.measures import Edges
 from garment_sim_ros.stability.run import Run
 
@@ -144,8 +144,23 @@ def dropped(simulation, _):
     simulation.health("cloth").let_go = 1
 
 
+IN_THE_DISTURBANCE = 125
+"""Number of a frame of `scene(calm=4.0)`: 120 before it are without the disturbance."""
+
+
 def tangled(simulation, _):
     simulation.health("cloth").tangled = 5
+
+
+def spoilt(particles):
+    """NaN as their velocity, once."""
+    return lambda s, n: n == IN_THE_DISTURBANCE and s.state("cloth").v[:particles].fill(np.nan)
+
+
+def in_the_ball(simulation, _):
+    """A quarter of the sheet, in the middle of the ball that goes through it."""
+    state, free = simulation.state("cloth"), simulation.model("cloth").free_count
+    state.x[: free // 4] = np.array([0.05, 0.8, -0.5]) - simulation.origin
 
 
 def lowered(simulation, _):
@@ -173,12 +188,32 @@ def lowered(simulation, _):
         (dropped, "dropped"),
         (dropped, "dropped meanwhile"),
         (tangled, "tangled"),
+        (in_the_ball, "inside"),
+        (spoilt(1), "mended"),
+        (spoilt(None), "reset"),
     ],
 )
 def test_what_a_broken_solver_does_is_found(monkeypatch, change, fault):
     """The same scene, and the run without the disturbance is broken in the same way."""
     broken(monkeypatch, change)
     assert fault in judge(scene(calm=4.0), "xpbd").faults
+
+
+@pytest.mark.parametrize("counter", ["resets", "recovered"])
+def test_what_is_put_right_after_nan_has_to_end(monkeypatch, counter):
+    """It is no fault where poses are NaN, and one where it goes on half a second later."""
+    made = scene(calm=4.0, broken=True)
+    begin = 120 + round((made.still_from - made.busy) / made.frame)  # before, poses are refused
+    for at, is_there in ((begin + 25, False), (begin + 35, True)):
+        with monkeypatch.context() as patch:
+            broken(patch, lambda s, n, at=at: n == at and add_one(s, counter))
+            faults = judge(made, "xpbd").faults
+        assert ({"resets": "reset", "recovered": "mended"}[counter] in faults) == is_there
+
+
+def add_one(simulation, counter):
+    health = simulation.health("cloth")
+    setattr(health, counter, getattr(health, counter) + 1)
 
 
 def test_a_reference_that_is_broken_in_the_same_way_hides_nothing(monkeypatch):
@@ -335,6 +370,12 @@ def test_table_and_picture(tmp_path):
         "| wind | 1 m/s | holds |",
         "|  | 2 m/s | restless |",
         "| **held** | of 2 | 1 |",
+    ]
+    refused = Row(extreme="wind", value="3", outcomes={"xpbd": Outcome(refused="too strong")})
+    assert held_by([*rows, refused]) == {"xpbd": 1}
+    assert table([*rows, refused]).splitlines()[-2:] == [
+        "| **held** | of 3 | 1 |",
+        "| **refused** |  | 1 |",
     ]
     picture(rows, tmp_path / "map.png")
     assert (tmp_path / "map.png").read_bytes()[:4] == b"\x89PNG"
