@@ -5,12 +5,13 @@
 Sun et al. 2007: ``hull``, Fig. 8 a to d: triangles and lists of the outer map of the model that
 `bench/hulls.py` makes; ``fall``, Fig. 8 e and f: a cloth of 2,500 particles on it (`falling.py`),
 with contact as printed and as by default; ``walk``, Figs. 9 and 10: the preset sun2007 on a body
-of 1,425 vertices in the built-in walk, a T-shirt and a short skirt, and with a long skirt, at
-steps of 0.033 and 0.33 s. Gong et al. 2018: ``counts``, Fig. 8: ellipsoids around a man and a
-woman of the shared data ($GARMENT_SIM_DATA) with one ellipsoid to a region, with one threshold and
-with two; ``stand``, Figs. 9 and 10: a long skirt and a T-shirt, and a tight one, in gravity and
-wind on a body that stands, with hits as printed, with the plain response from the centre and as
-by default. Frames a second are those of one thread of this processor's time.
+of 1,425 vertices, a T-shirt and a short skirt in the built-in walk, and a long skirt in a dance of
+the shared data (else the walk), at steps of 0.033 and 0.33 s. Gong et al. 2018: ``counts``, Fig.
+8: ellipsoids around a man and a woman of the shared data ($GARMENT_SIM_DATA) with one ellipsoid to
+a region, with one threshold and with two; ``stand``, Figs. 9 and 10: a sewn wide dress, and a
+tight T-shirt, in gravity and wind on a body that stands, with hits as printed, with the plain
+response from the centre and as by default. Frames a second are those of one thread of this
+processor's time.
 """
 
 import argparse
@@ -33,11 +34,11 @@ from garment_sim_ros.tradeoff.waisted_limb import DELTA, waisted_limb
 
 sys.path.insert(0, str(Path(__file__).parent))
 from falling import fall
-from presets import Clip, Wearer
+from presets import PATTERN, Clip, Wearer
 
 BODY = "mannequin:vertices=1425"
 SHORT, LONG = "tshirt_short_skirt", "tshirt_long_skirt"
-TIGHT = SCENES["tight"].wear
+DRESS, TIGHT = f"{PATTERN}wide_dress", SCENES["tight"].wear
 
 
 def hull(_: argparse.Namespace) -> None:
@@ -88,13 +89,15 @@ def told(name: str, wearer: Wearer, seconds: float) -> None:
 def walk(options: argparse.Namespace) -> None:
     """Figs. 9 and 10 of the first paper."""
     slow = ["cloth_node.solver_step=0.33", "cloth_node.rate=3.0303030303"]
-    for name, words, outfit in (
-        ("Fig. 9, T-shirt and short skirt, 0.033 s", [], SHORT),
-        ("Fig. 10, T-shirt and long skirt, 0.033 s", [], LONG),
-        ("Fig. 10, T-shirt and long skirt, 0.33 s", slow, LONG),
+    dance = options.data / "mocap" / SCENES["dance"].clip
+    danced = Clip(dance.stem, str(dance)) if dance.is_file() else Clip("walk", "walk")
+    for name, words, outfit, clip in (
+        ("Fig. 9, T-shirt and short skirt, 0.033 s", [], SHORT, Clip("walk", "walk")),
+        (f"Fig. 10, {danced.name}, T-shirt and long skirt, 0.033 s", [], LONG, danced),
+        (f"Fig. 10, {danced.name}, T-shirt and long skirt, 0.33 s", slow, LONG, danced),
     ):
         seconds = options.seconds * (3 if words else 1)
-        wearer = Wearer(chosen("sun2007", words), Clip("walk", "walk"), seconds, BODY, outfit)
+        wearer = Wearer(chosen("sun2007", words), clip, seconds, BODY, outfit)
         told(name, wearer, seconds)
 
 
@@ -121,7 +124,7 @@ def stand(options: argparse.Namespace) -> None:
     """Figs. 9 and 10 of the second paper."""
     plain = ["cloth_node.contact=rays", "cloth_node.response=surface"]
     wind = [f"cloth_node.{k}" for k in ("wind_drag=1.2", "wind_lift=0.4", "gust=1.0")]
-    for figure, outfit in (("Fig. 9, long skirt", LONG), ("Fig. 10, tight shirt", TIGHT)):
+    for figure, outfit in (("Fig. 9, wide dress", DRESS), ("Fig. 10, tight shirt", TIGHT)):
         for how, preset, words in (
             ("reflection", "gong2018", []),
             ("from the centre", "gong2018", plain),

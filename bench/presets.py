@@ -15,6 +15,7 @@ the heads of the presets' files.
 """
 
 import argparse
+import json
 import os
 import subprocess
 import time
@@ -38,9 +39,11 @@ from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh
 from garment_sim_ros.recording.own_sides import OwnSides
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers import SOLVERS, longest_step
+from garment_sim_ros.tradeoff.sewn import sewn_on
 
 RATE, MEASURED, SKIPPED = 60.0, 0.1, 0.5
 OUTFIT = "tshirt_short_skirt"
+PATTERN = "pattern:"
 POINTS = [name for name in PRESETS if name != "auto"]
 MARK = "#: "
 """What a line of a file's head begins with that this program writes."""
@@ -73,17 +76,23 @@ Change = Callable[[Body, ColliderSet], ColliderSet]
 @cache
 def dressed(
     body: str,
-    outfit: str | Mapping[str, Any],
+    worn: str,
     options: ColliderOptions,
     attachments: str,
     skinning: str,
     change: Change | None = None,
 ) -> tuple[gs.Avatar, gs.Outfit]:
-    """The mannequin with colliders, or what `change` makes of them, and its outfit."""
+    """The mannequin with colliders, or what `change` makes of them, and its outfit.
+
+    What is worn comes as JSON. ``pattern:`` and a name are one of our own sewing patterns.
+    """
+    outfit = json.loads(worn)
     avatar = gs.Avatar.load(body, **vars(options))
     wearer = replace(avatar.body, skinning=skinning)
     colliders = change(wearer, avatar.colliders) if change else avatar.colliders
     avatar = gs.Avatar(wearer, colliders, attachments=attachments)
+    if isinstance(outfit, str) and outfit.startswith(PATTERN):
+        return avatar, sewn_on(avatar, outfit.removeprefix(PATTERN))
     return avatar, avatar.dress(outfit)
 
 
@@ -103,7 +112,7 @@ class Wearer:
         node = validated(ClothNodeParameters, choice.values("cloth_node", ClothNodeParameters))
         self.frame_time = 1.0 / node.rate
         how = options, node.attachments, node.skinning, change
-        self.avatar, worn = dressed(body, outfit, *how)
+        self.avatar, worn = dressed(body, json.dumps(outfit), *how)
         if clip is None:
             rest = rest_transforms(self.avatar.body.rig)
             self.joints = [rest] * (round(seconds * node.rate) + 1)

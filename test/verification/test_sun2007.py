@@ -105,6 +105,18 @@ def test_steps_are_as_printed_and_nothing_else_acts(avatar, outfit):
         assert (health.resets, health.rewound, health.tangled) == (0, 0, 0)
 
 
+def test_the_step_of_their_fig_10_is_finite(avatar, outfit):
+    """0.33 s, ten times their other one: cloth falls by half a metre in it."""
+    simulation = gs.Simulation(outfit, avatar.colliders, preset=PRESET, solver_step=0.33)
+    for poses in avatar.play("walk", rate=1 / 0.33, seconds=6.6):
+        simulation.step(poses, dt=0.33)
+        x = np.concatenate([simulation.positions(name) for name in simulation.names])
+        assert np.isfinite(x).all()
+        assert np.abs(x - poses.position[avatar.colliders.root]).max() < 100.0
+    assert all(simulation.health(n).resets == 0 for n in simulation.names)
+    assert all(simulation.health(n).recovered == 0 for n in simulation.names)
+
+
 def test_a_moving_root_leaves_no_trace(avatar, outfit):
     """Relative simulation: the same pose carried along gives the same cloth."""
     places = []
