@@ -130,6 +130,11 @@ def _row(cell: Cell, settings: Mapping[str, Any]) -> Row:
     scene = None if cell.absent else cell.scene()
     for solver, numbers in settings.items():
         began = time.perf_counter()
-        outcomes[solver] = judge(scene, solver, numbers) if scene else Outcome(skipped=cell.absent)
+        why = cell.absent
+        if scene and scene.preset and (own := Choice(preset=scene.preset).solver) != solver:
+            why = f"{scene.preset} has {own}"
+        outcomes[solver] = (
+            Outcome(skipped=why) if why or not scene else judge(scene, solver, numbers)
+        )
         seconds[solver] = time.perf_counter() - began
     return Row(extreme=cell.extreme, value=cell.value, outcomes=outcomes, seconds=seconds)

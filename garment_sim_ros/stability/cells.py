@@ -13,7 +13,7 @@ from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.params import Environment, Material
 from garment_sim_ros.stability.drawn import drawn_cells
-from garment_sim_ros.stability.dressed import dressed_cells
+from garment_sim_ros.stability.dressed import APART, dressed_cells
 from garment_sim_ros.stability.extremes import (
     SIDE,
     Motion,
@@ -35,8 +35,6 @@ from garment_sim_ros.stability.extremes import (
 from garment_sim_ros.stability.real import real_cells
 
 DEGREES = math.pi / 180
-APART = 0.004
-"""Distance that cloth which collides with itself keeps [m]."""
 
 
 @dataclass(frozen=True)

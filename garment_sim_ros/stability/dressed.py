@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.avatar import Avatar
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.body.skin import Body
@@ -16,9 +17,12 @@ from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.constants import PERSON_HEIGHT
 from garment_sim_ros.contact.shapes import Collider, ColliderPoses, ColliderSet
+from garment_sim_ros.declaration import declarations, validated
 from garment_sim_ros.garment.garment import Garment
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.garment.outfit_file import DEFAULT_OUTFIT, read_outfit
+from garment_sim_ros.params import Environment
+from garment_sim_ros.presets import preset_values
 from garment_sim_ros.stability.extremes import Motion, Scene, spinning
 from garment_sim_ros.stability.wearer import Wearer
 
@@ -28,6 +32,10 @@ _LENGTHS = ("radius", "radius0", "radius1", "length", "radii", "vertices")
 
 
 _LONG_SKIRT = "tshirt_long_skirt"
+_PRESETS = ("fast", "accurate", "sun2007", "gong2018")
+"""Those that are not the defaults."""
+APART = 0.004
+"""Distance that a garment's parts keep from each other where it meets itself [m]."""
 
 
 class Dressed(NamedTuple):
@@ -64,7 +72,7 @@ class Dressed(NamedTuple):
 
 @cache
 def dressed(
-    outfit: str = DEFAULT_OUTFIT, method: str = HULLS, source: str = "mannequin"
+    outfit: str = DEFAULT_OUTFIT, method: str = HULLS, source: str = "mannequin", preset: str = ""
 ) -> Dressed:
     """A body in an outfit.
 
@@ -72,10 +80,16 @@ def dressed(
         outfit: As `load_outfit` takes it.
         method: How its colliders are fitted.
         source: As `load_body` takes it.
+        preset: Whose colliders, skinning and attachments it has instead, if any.
     """
-    body = load_body(source)
-    colliders = fit_colliders(body, replace(read_outfit(outfit).colliders, method=method))
-    garments = load_outfit(outfit, body, colliders=colliders).garments
+    if preset:
+        avatar = Avatar.load(source, preset=preset)
+        body, colliders = avatar.body, avatar.colliders
+        garments = avatar.dress(outfit).garments
+    else:
+        body = load_body(source)
+        colliders = fit_colliders(body, replace(read_outfit(outfit).colliders, method=method))
+        garments = load_outfit(outfit, body, colliders=colliders).garments
     return Dressed(body, colliders, tuple(garments), ColliderPoser(colliders, body))
 
 
@@ -96,6 +110,26 @@ def dressed_cells() -> Iterator[tuple[str, str, Callable[[], Scene]]]:
     yield "long skirt", "step 1/30 s", partial(long, solver_step=1 / 30, frame=1 / 30, calm=15.0)
     for method in (ELLIPSOIDS, SDF, MESH):
         yield "colliders", method, partial(_turned, PERSON_HEIGHT, method=method)
+    for preset in _PRESETS:
+        yield "preset", f"{preset}, turns half around", partial(of_preset, preset, _turned)
+        yield "preset", f"{preset}, arms at 3000 deg/s", partial(of_preset, preset, _flapping)
+    yield "self-collision", "dressed body, turns at 1000 deg/s", _apart
+
+
+def of_preset(preset: str, scene: Callable[..., Scene]) -> Scene:
+    """A scene with a preset's solver, settings, rate, detail, colliders and outer forces."""
+    made = scene(worn=dressed(preset=preset))
+    of = preset_values(preset, "cloth_node")
+    forces = validated(Environment, {k: of[k] for k in declarations(Environment) if k in of})
+    frame = 1.0 / of.get("rate", 60.0)
+    return replace(made, preset=preset, frame=frame, disturbed=forces, environment=forces)
+
+
+def _apart() -> Scene:
+    """Both garments are kept from passing through themselves."""
+    made = _turning(_RATE / 3, calm=15.0)
+    garments = tuple(replace(garment, self_collision=APART) for garment in made.garments)
+    return replace(made, garments=garments)
 
 
 def _turning(rate: float, outfit: str = DEFAULT_OUTFIT, calm: float = 6.0) -> Scene:
@@ -103,9 +137,9 @@ def _turning(rate: float, outfit: str = DEFAULT_OUTFIT, calm: float = 6.0) -> Sc
     return worn.scene(spinning(worn.standing, 2, rate, 0.96), busy=0.96, calm=calm)
 
 
-def _flapping() -> Scene:
+def _flapping(worn: Dressed | None = None) -> Scene:
     """Both upper arms go up and down through 60 degrees."""
-    worn = dressed()
+    worn = worn or dressed()
     body, poser = worn.body, worn.poser
     rest = rest_transforms(body.rig)
     arms = [
@@ -156,10 +190,14 @@ def _teleport(mode: str) -> Scene:
 
 
 def _turned(
-    tall: float, outfit: str = DEFAULT_OUTFIT, method: str = HULLS, **asked: float
+    tall: float = PERSON_HEIGHT,
+    outfit: str = DEFAULT_OUTFIT,
+    method: str = HULLS,
+    worn: Dressed | None = None,
+    **asked: float,
 ) -> Scene:
     """Turns by half a turn within a second, at any size."""
-    worn = dressed(outfit, method)
+    worn = worn or dressed(outfit, method)
     scale = tall / PERSON_HEIGHT
     busy = max(1.0, float(np.sqrt(scale)))
     turning = spinning(worn.standing, 2, np.pi / busy, busy)

@@ -51,6 +51,7 @@ class Scene:
         jump: At which time the body jumps [s], and what is done about it, as `on_teleport`.
         broken: Whether poses are NaN while it is disturbed.
         wearer: The body in it, where there is one.
+        preset: Whose solver, settings and detail it runs with, if any.
         forced: Stretch of edges that the scene itself asks for, such as by pins inside of a
             collider; then cloth at its pins is inside, too.
     """
@@ -70,6 +71,7 @@ class Scene:
     jump: tuple[float, str] | None = None
     broken: bool = False
     wearer: Wearer | None = None
+    preset: str = ""
     forced: float = 0.0
 
     @property

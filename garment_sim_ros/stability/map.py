@@ -41,8 +41,9 @@ class Row:
 
     @property
     def skipped(self) -> str:
-        """Why it was not tried; empty where it was."""
-        return next(iter(self.outcomes.values())).skipped
+        """Why no solver was tried; empty where one was."""
+        reasons = [outcome.skipped for outcome in self.outcomes.values()]
+        return reasons[0] if all(reasons) else ""
 
 
 def grade(outcome: Outcome) -> str:
@@ -70,11 +71,13 @@ def table(rows: Sequence[Row]) -> str:
         said = " | ".join(words(row.outcomes[s]) for s in solvers)
         lines.append(f"| {'' if row.extreme == last else row.extreme} | {row.value} | {said} |")
         last = row.extreme
-    tried = [row for row in rows if not row.skipped]
-    refused = {s: sum(bool(row.outcomes[s].refused) for row in tried) for s in solvers}
-    for name, of, count in (("held", f"of {len(tried)}", held_by(rows)), ("refused", "", refused)):
-        if name == "held" or any(count.values()):
-            lines.append(f"| **{name}** | {of} | {' | '.join(str(count[s]) for s in solvers)} |")
+    held = held_by(rows)
+    tried = {s: sum(not row.outcomes[s].skipped for row in rows) for s in solvers}
+    refused = {s: sum(bool(row.outcomes[s].refused) for row in rows) for s in solvers}
+    said = " | ".join(f"{held[s]} of {tried[s]}" for s in solvers)
+    lines.append(f"| **held** | | {said} |")
+    if any(refused.values()):
+        lines.append(f"| **refused** | | {' | '.join(str(refused[s]) for s in solvers)} |")
     return "\n".join(lines) + "\n"
 
 

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray
+from garment_sim_ros.declaration import declarations, validated
 from garment_sim_ros.errors import MessageError
 from garment_sim_ros.params import Environment
+from garment_sim_ros.presets import preset_values
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers import SOLVERS
@@ -76,10 +78,15 @@ class Run:
     Args:
         scene: The scene.
         solver: Name of the solver.
-        settings: Its settings; the defaults where None. A scene may have other passes.
+        settings: Its settings; the defaults where None. A scene may have other passes, or a preset
+            that says all.
     """
 
     def __init__(self, scene: Scene, solver: str, settings: Any = None) -> None:
+        of = preset_values(scene.preset, "cloth_node") if scene.preset else {}
+        if of:
+            solver, group = of["solver"], SOLVERS[of["solver"]].settings
+            settings = validated(group, {k: v for k, v in of.items() if k in declarations(group)})
         settings = settings or SOLVERS[solver].settings()
         if scene.passes is not None:
             name = "sweeps" if hasattr(settings, "sweeps") else "iterations"
@@ -91,8 +98,10 @@ class Run:
             environment=scene.environment,
             settings=settings,
             solver=solver,
-            solver_step=scene.solver_step,
+            solver_step=of.get("solver_step", scene.solver_step),
+            detail=of.get("detail"),
         )
+        self._has_detail = of.get("detail", 1.0) < 1.0
         self._edges = Edges(scene.garments)
         self._last = self._free_positions()
         self.rejected = 0
@@ -224,7 +233,9 @@ class Run:
 
     def by_name(self) -> dict[str, FloatArray]:
         """World positions of all garments [m], shape [v, 3] each."""
-        names = self.simulation.names
+        simulation = self.simulation
+        if self._has_detail:
+            return {n: simulation.positions(n).astype(np.float64) for n in simulation.names}
         # What is simulated: shown are creases round, which makes short edges shorter.
-        origin = self.simulation.origin
-        return {n: self.simulation[n].worn.seen(origin).astype(np.float64) for n in names}
+        origin = simulation.origin
+        return {n: simulation[n].worn.seen(origin).astype(np.float64) for n in simulation.names}

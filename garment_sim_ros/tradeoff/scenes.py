@@ -51,7 +51,7 @@ class Scene:
             `waisted_limb`.
         body: As `Avatar.load` takes it, or a file in ``bodies`` of the data; empty without.
         clip: As `load_clip` takes it, or a file in ``mocap`` of the data; empty: the rest pose.
-        wear: As `Avatar.dress` takes it.
+        wear: As `Avatar.dress` takes it, or a file in ``garments`` of the data.
         pattern: In place of `wear`: name of a sewing pattern of our own.
         turning: Rate at which the whole body turns about the world's z axis [rad/s].
         environment: Values of `Environment` by name.
@@ -78,7 +78,8 @@ class Scene:
     @property
     def files(self) -> tuple[tuple[str, str], ...]:
         """Folder and name of the files of the data that it needs."""
-        asked = (("bodies", self.body), ("mocap", self.clip))
+        mesh = self.wear if isinstance(self.wear, str) else ""
+        asked = (("bodies", self.body), ("mocap", self.clip), ("garments", mesh))
         return tuple((folder, name) for folder, name in asked if "." in name.split(":")[0])
 
     @property
@@ -214,6 +215,19 @@ SCENES: Mapping[str, Scene] = {
         )
         for name, seconds in (("run", 0.8), ("jump", 1.75), ("cartwheel", 2.7))
     },
+    **{
+        name: Scene(
+            text=f"a real body in a real garment, {mesh}: {clip}",
+            seconds=seconds,
+            body="mh_female_young.glb",
+            clip=f"deepmimic_{clip}.bvh",
+            wear=f"{mesh}.obj",
+        )
+        for name, mesh, clip, seconds in (
+            ("trousers", "trousers_female", "spinkick", 1.2),
+            ("tight_skirt", "skirt_long_female", "walk", 1.2),
+        )
+    },
 }
 """The scenes by name."""
 
@@ -291,7 +305,10 @@ def staged(scene: Scene, kind: str = HULLS, seconds: float = 0.0) -> Staged:
         )
     avatar = Avatar.load(_found("bodies", scene.body), **collider_arguments(kind))
     joints = tuple(_joints(scene, avatar, count))
-    worn = sewn_on(avatar, scene.pattern) if scene.pattern else avatar.dress(scene.wear)
+    wear = scene.wear
+    if isinstance(wear, str):
+        wear = _found("garments", wear)
+    worn = sewn_on(avatar, scene.pattern) if scene.pattern else avatar.dress(wear)
     return Staged(
         scene=scene,
         garments=tuple(worn.garments),

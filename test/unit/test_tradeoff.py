@@ -235,6 +235,7 @@ class TestScenes:
         monkeypatch.setenv(scenes.VARIABLE, str(tmp_path))
         assert "mh_female_young.glb is not there" in scenes.SCENES["cartwheel"].absent
         assert "rokoko_jesse_dance.bvh is not there" in scenes.SCENES["dance"].absent
+        assert scenes.SCENES["trousers"].files[-1] == ("garments", "trousers_female.obj")
 
     def test_the_papers_steps_are_the_frames(self):
         for name, step in (("walk_33ms", 0.033), ("dance", 0.033), ("dance_330ms", 0.33)):

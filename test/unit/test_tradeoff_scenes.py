@@ -49,6 +49,19 @@ class TestLimb:
         assert x[-1, :, 2].min() < -0.2
 
 
+@pytest.mark.parametrize(("name", "mesh"), [("trousers", "trousers"), ("tight_skirt", "skirt")])
+def test_a_real_garment_is_worn_by_a_real_body(name, mesh, data_file, monkeypatch):
+    data = data_file("garments").parent
+    monkeypatch.setenv(scenes.VARIABLE, str(data))
+    assert scenes.SCENES[name].absent == ""
+    staged = scenes.staged(scenes.SCENES[name], seconds=1 / 60)
+    (garment,) = staged.garments
+    assert mesh in garment.name
+    assert len(garment.vertices) > 1000
+    assert staged.avatar.body.name.startswith("mh_female")
+    assert staged.frames == 1
+
+
 class TestDress:
     def test_it_is_sewn_once_for_a_body_and_worn_on_its_colliders(self, monkeypatch, tmp_path):
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
