@@ -1,7 +1,7 @@
 """The motion of `bench/stress.py` for real nodes, and what they made of it.
 
     python bench/stress_nodes.py write CLIP.bvh OUT.bvh [--seconds S] [--speed X]
-    taskset -c 0 python -c "while True: pass" &
+    taskset -c 1 python -c "while True: pass" &
     taskset -c 0 garment-sim demo --clip OUT.bvh --body F --outfit F --seconds S --out DIR
     python bench/stress_nodes.py judge DIR/bag
 

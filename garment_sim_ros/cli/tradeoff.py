@@ -25,7 +25,15 @@ from garment_sim_ros.tradeoff.plots import draw
 from garment_sim_ros.tradeoff.points import Point, grid, preset_point
 from garment_sim_ros.tradeoff.runner import glanced, measured, referenced
 from garment_sim_ros.tradeoff.scenes import PLAIN, SCENES, scene_named
-from garment_sim_ros.tradeoff.table import Kept, Row, machine, markdown, on_fronts, write_csv
+from garment_sim_ros.tradeoff.table import (
+    Kept,
+    Row,
+    across_colliders,
+    machine,
+    markdown,
+    on_fronts,
+    write_csv,
+)
 from garment_sim_ros.version import VERSION
 
 EXAMPLE = "garment-sim tradeoff drape hung walk --out out/tradeoff"
@@ -34,7 +42,7 @@ _OF_PRESETS = "as a node runs it; the grid is measured beside them where --solve
 _OF_VARY = "a parameter of solver or colliders as an axis; may be repeated"
 _OF_HALVING = "all settings on a part of the motion first, the better half on more of it"
 _OF_PRICES = "what each feature, or each of these, costs and removes beside --preset or balanced"
-_COST, _ERROR = "hot_ms", "trajectory_mm"
+_COST, _ERROR, _GAP = "hot_ms", "trajectory_mm", "gap_mm"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -94,11 +102,13 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         for row in _rows(args, points, kept)
     ]
     best = on_fronts(rows, _COST, _ERROR)
+    closest = across_colliders(rows, _COST, _GAP)
     result = {
         "machine": machine(args.jobs),
         "skipped": skipped,
         "references": told,
         "front": [_name(row) for row in best],
+        "front_across_colliders": [_name(row) for row in closest],
         "rows": rows,
         "dropped": dropped,
     }
@@ -109,6 +119,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         for scene, kind in dict.fromkeys((row["scene"], row["colliders"]) for row in rows):
             of = [r for r in rows if (r["scene"], r["colliders"]) == (scene, kind)]
             draw(of, _as_file(f"{scene}_{kind}"), stage, cost=_COST, error=_ERROR)
+        for scene in dict.fromkeys(row["scene"] for row in closest):
+            of = [r for r in rows if r["scene"] == scene]
+            draw(of, _as_file(f"{scene}_all_colliders"), stage, cost=_COST, error=_GAP)
     print(markdown(rows, best), end="")
     if dropped:
         print(f"dropped by halving: {', '.join(map(_name, dropped))}", file=sys.stderr)

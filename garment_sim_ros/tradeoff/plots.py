@@ -87,7 +87,7 @@ def draw(
     Filled: valid; hollow with a cross: a failure, whatever it costs. The line is the front.
 
     Args:
-        rows: Of one scene and kind of colliders.
+        rows: Of one scene, on one kind of colliders, or on several, which are then named.
         title: Of picture and files.
         folder: Where they go.
         cost: Key of the cost [ms].
@@ -129,7 +129,8 @@ def _chart(
     canvas.text(_LEFT, 14, title, _INK, "l")
     canvas.text(_LEFT + width / 2, bottom + 36, _axis(keys[0], "ms a frame"), _INK, "m")
     canvas.text(_LEFT, _TOP - 12, _axis(keys[1], "mm"), _INK, "l")
-    doubt = rows[0].get("doubt_mm") or 0.0
+    several = len({row["colliders"] for row in rows}) > 1
+    doubt = 0.0 if several else rows[0].get("doubt_mm") or 0.0
     if spans[1][0] < math.log10(max(doubt, 1e-12)) < spans[1][1]:
         y = place(rows[0] | {keys[1]: doubt})[1]
         canvas.line([(_LEFT, y), (right, y)], "#808080", 1.5)
@@ -144,6 +145,8 @@ def _chart(
         if row in best:
             side = (-1) ** best.index(row)  # by turns, as neighbours may be close
             words = row.get("preset") or f"{row['sub_steps']}x{row['passes']}"
+            if several:
+                words = f"{words}, {row['colliders']}"
             canvas.text(x + 9 * side, y - 9 * side, words, colour, "l" if side > 0 else "r")
     for n, solver in enumerate(s for s in _COLOUR if any(r["solver"] == s for r in rows)):
         _mark(canvas, (right - 310 + 110 * n, 14), solver, True)

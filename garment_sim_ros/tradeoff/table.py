@@ -77,11 +77,30 @@ class Kept:
 
 
 def on_fronts(rows: Sequence[Row], cost: str, error: str) -> list[Row]:
-    """The rows on the front of their scene and colliders; failures are on none."""
+    """The rows on the front of their scene and colliders; failures are on none.
+
+    Errors are against a reference on the same colliders.
+    """
+    return _on_fronts(rows, (cost, error), ("scene", "colliders"))
+
+
+def across_colliders(rows: Sequence[Row], cost: str, error: str) -> list[Row]:
+    """The rows on the front of their scene, on whatever colliders, of an error against the skin.
+
+    Scenes with one kind of colliders have none.
+    """
+    kinds: dict[str, set[str]] = {}
+    for row in rows:
+        kinds.setdefault(row["scene"], set()).add(row["colliders"])
+    several = [row for row in rows if len(kinds[row["scene"]]) > 1]
+    return _on_fronts(several, (cost, error), ("scene",))
+
+
+def _on_fronts(rows: Sequence[Row], keys: tuple[str, str], groups: tuple[str, ...]) -> list[Row]:
     found: list[Row] = []
-    for of in dict.fromkeys((row["scene"], row["colliders"]) for row in rows):
-        valid = [r for r in rows if (r["scene"], r["colliders"]) == of and not r["faults"]]
-        found += [valid[k] for k in front(*(_numbers(valid, key) for key in (cost, error)))]
+    for of in dict.fromkeys(tuple(row[name] for name in groups) for row in rows):
+        valid = [r for r in rows if tuple(r[n] for n in groups) == of and not r["faults"]]
+        found += [valid[k] for k in front(*(_numbers(valid, key) for key in keys))]
     return found
 
 
@@ -107,6 +126,8 @@ def markdown(rows: Sequence[Row], best: Sequence[Row]) -> str:
         "static_mm": "static, mm",
         "strain_p95": "strain p95",
         "pierced": "pierced",
+        "inside": "inside",
+        "gap_mm": "gap, mm",
         "rest_speed_mm_s": "rest, mm/s",
         "energy_drift": "energy drift",
         "hot_ms": "hot, ms",

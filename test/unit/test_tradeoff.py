@@ -15,7 +15,7 @@ from garment_sim_ros.tradeoff.front import front
 from garment_sim_ros.tradeoff.playing import Player
 from garment_sim_ros.tradeoff.points import GRID, Point, grid
 from garment_sim_ros.tradeoff.reference import Reference, reference
-from garment_sim_ros.tradeoff.table import Kept, on_fronts
+from garment_sim_ros.tradeoff.table import Kept, across_colliders, on_fronts
 
 SIDE, EDGE = 0.4, 0.1
 
@@ -266,6 +266,16 @@ class TestFront:
         none = row | {"hot_ms": 0.5, "trajectory_mm": None}
         assert on_fronts([fast, none, row], "hot_ms", "trajectory_mm") == [row]
 
+    def test_across_colliders_there_is_one_front_to_a_scene(self):
+        row = {"scene": "a", "colliders": "hulls", "hot_ms": 2.0, "gap_mm": 20.0, "faults": []}
+        cheap = row | {"colliders": "capsules", "hot_ms": 1.0, "gap_mm": 25.0}
+        beaten = row | {"colliders": "ellipsoids", "hot_ms": 3.0, "gap_mm": 30.0}
+        pierced = row | {"colliders": "sdf", "gap_mm": 1.0, "faults": ["pierced"]}
+        alone = row | {"scene": "b", "hot_ms": 0.1}
+        rows = [row, beaten, cheap, pierced, alone]
+        assert across_colliders(rows, "hot_ms", "gap_mm") == [cheap, row]
+        assert on_fronts(rows, "hot_ms", "gap_mm") == [row, beaten, cheap, alone]
+
 
 def test_a_line_that_was_not_finished_counts_for_nothing(tmp_path):
     kept = Kept(tmp_path / "rows.jsonl")
@@ -280,7 +290,10 @@ def test_a_line_that_was_not_finished_counts_for_nothing(tmp_path):
 
 def test_pictures_show_every_point_and_the_front(tmp_path):
     rows = [
-        {"solver": s, "sub_steps": n, "passes": 1, "faults": f, "hot_ms": h, "trajectory_mm": e}
+        {
+            **{"solver": s, "sub_steps": n, "passes": 1, "faults": f, "colliders": "plain"},
+            **{"hot_ms": h, "trajectory_mm": e},
+        }
         for s, n, f, h, e in (
             ("xpbd", 8, [], 1.0, 9.0),
             ("xpbd", 16, [], 2.0, 3.0),
@@ -293,6 +306,11 @@ def test_pictures_show_every_point_and_the_front(tmp_path):
     assert ">8x1<" in text
     assert ">16x1<" in text
     assert ">2x1<" not in text
+    rows[1]["colliders"] = "hulls"
+    plots.draw(rows, "both", tmp_path, cost="hot_ms", error="trajectory_mm")
+    text = (tmp_path / "both.svg").read_text()
+    assert ">16x1, hulls<" in text
+    assert ">8x1, plain<" in text
     assert Image.open(tmp_path / "hung_plain.png").info["dpi"][0] == pytest.approx(300, abs=1)
 
 

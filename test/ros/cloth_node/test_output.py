@@ -1,6 +1,7 @@
 """The cloth node as a process, fed by hand."""
 
 import os
+import re
 import signal
 import time
 from pathlib import Path
@@ -43,6 +44,19 @@ def test_threads_of_the_middleware_step_back_for_the_one_that_ticks(node, runnin
     middleware = [t for t, name in names.items() if name.startswith("dds.")]
     assert middleware
     assert all(policy[t] == os.SCHED_BATCH for t in middleware)
+
+
+def test_what_was_done_to_keep_garments_worn_is_counted_by_the_names_in_the_documents(
+    node, running, probe, until
+):
+    page = (Path(__file__).parents[3] / "docs" / "worn.md").read_text()
+    told = page[page.index("All is counted on `/diagnostics`") :].partition("\n\n")[0]
+    names = set(re.findall(r"`([a-z_]+)`", told))
+    assert len(names) > 12
+    until(lambda: probe.value(node, "solver_steps") > 0, "steps on /diagnostics")
+    values = {v.key: float(v.value) for v in probe.diagnostics(node).values if v.key in names}
+    assert set(values) == names
+    assert all(np.isfinite(value) and value >= 0.0 for value in values.values())
 
 
 def test_topology_reaches_late_joiners_and_fits_the_points(running, probe, make_probe, until):
