@@ -20,8 +20,9 @@ $(STAMP): setup.py
 	@set -e; \
 	if $(SYSTEM_PYTHON) -c 'import rclpy' 2>/dev/null; then extras=dev; flags=--system-site-packages; \
 	else extras=ros,dev; flags=; fi; \
-	$(PY) -m pip --version >/dev/null 2>&1 || { rm -rf .venv; $(SYSTEM_PYTHON) -m venv $$flags .venv; } || \
-		{ rm -rf .venv; echo "error: $(SYSTEM_PYTHON) -m venv: failed; on Debian and Ubuntu: apt install python3-venv" >&2; exit 2; }; \
+	test -x $(PY) || $(SYSTEM_PYTHON) -m venv $$flags .venv || { rm -rf .venv; \
+		echo "error: $(SYSTEM_PYTHON) -m venv: failed; where ensurepip is missing: apt install python3-venv" >&2; exit 2; }; \
+	$(PY) -m pip --version >/dev/null || { echo "error: .venv: has no pip; allowed: remove it" >&2; exit 2; }; \
 	echo "installing into .venv (once, some minutes)"; \
 	$(PY) -m pip install --quiet --disable-pip-version-check --editable ".[$$extras]"
 	@touch $@

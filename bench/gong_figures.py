@@ -11,8 +11,9 @@ beside asking the mesh (`ellipsoids.py`). The bodies are mannequins.
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -35,6 +36,7 @@ from papers import DRESS, TIGHT
 from presets import Wearer
 
 BODIES = {"woman": "mannequin:vertices=1425,sex=0", "man": "mannequin:vertices=1425,sex=1"}
+SEXES = {"woman": "female", "man": "male"}
 WIDTH, HEIGHT, TITLE = 260, 420, 44
 INK, PAPER, OURS, MESH = (40, 44, 48), (255, 255, 255), (44, 110, 160), (196, 78, 72)
 
@@ -74,10 +76,13 @@ def fits(body: str, sex: str) -> list[tuple[str, Image.Image]]:
     return pictures
 
 
-def worn(body: str, outfit: object, seconds: float, preset: str) -> tuple[str, Image.Image]:
+def worn(
+    who: str, outfit: str | Mapping[str, Any], seconds: float, preset: str
+) -> tuple[str, Image.Image]:
     """Figs. 9 and 10: somebody who stands, after some seconds of wind."""
     wind = [f"cloth_node.{k}" for k in ("wind_drag=1.2", "wind_lift=0.4", "gust=1.0")]
-    wearer = Wearer(chosen(preset, wind), None, seconds, body, outfit)
+    sex = [f"collider_node.sex={SEXES[who]}"] if preset == "gong2018" else []
+    wearer = Wearer(chosen(preset, [*wind, *sex]), None, seconds, BODIES[who], outfit)
     wearer.until(seconds)
     look = Look(
         skin_triangles=wearer.avatar.body.skin.triangles,
@@ -152,13 +157,13 @@ def main() -> None:
     eight = [
         (f"{who}, {text}", picture)
         for who, body in BODIES.items()
-        for text, picture in fits(body, "female" if who == "woman" else "male")
+        for text, picture in fits(body, SEXES[who])
     ]
     rows = [("Fig. 8: ellipsoids", eight)]
     clothes = []
     for name, outfit in (("Fig. 9", DRESS), ("Fig. 10", TIGHT)):
         for who, preset in (("woman", "gong2018"), ("man", "gong2018"), ("woman", "balanced")):
-            text, picture = worn(BODIES[who], outfit, options.seconds, preset)
+            text, picture = worn(who, outfit, options.seconds, preset)
             by = "" if preset == "gong2018" else f" {preset},"
             clothes.append((f"{name}, {who},{by} {text}", picture))
     rows.append(("Figs. 9 and 10: a wide dress and tight clothes, in gravity and wind", clothes))

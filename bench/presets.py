@@ -76,17 +76,17 @@ Change = Callable[[Body, ColliderSet], ColliderSet]
 @cache
 def dressed(
     body: str,
-    worn: str,
+    outfit_json: str,
     options: ColliderOptions,
     attachments: str,
     skinning: str,
     change: Change | None = None,
 ) -> tuple[gs.Avatar, gs.Outfit]:
-    """The mannequin with colliders, or what `change` makes of them, and its outfit.
+    """A body with colliders, or what `change` makes of them, and its outfit.
 
-    What is worn comes as JSON. ``pattern:`` and a name are one of our own sewing patterns.
+    ``pattern:`` and a name are one of our own sewing patterns.
     """
-    outfit = json.loads(worn)
+    outfit = json.loads(outfit_json)
     avatar = gs.Avatar.load(body, **vars(options))
     wearer = replace(avatar.body, skinning=skinning)
     colliders = change(wearer, avatar.colliders) if change else avatar.colliders

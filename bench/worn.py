@@ -26,7 +26,7 @@ import json
 import os
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -35,6 +35,7 @@ import numpy as np
 from jumps import LIES, JumpMeter
 from lifted import LiftMeter
 from overlaps import OverlapMeter
+from worn_table import table
 
 from garment_sim_ros.body.kinematics import rest_transforms
 from garment_sim_ros.body.loaders.load import load_body
@@ -44,7 +45,8 @@ from garment_sim_ros.cli.processes import over_processes
 from garment_sim_ros.colliders.fitting import fit_colliders
 from garment_sim_ros.colliders.posing import ColliderPoser
 from garment_sim_ros.contact.pierced import PiercedMeter, PiercedSoFar
-from garment_sim_ros.declaration import validated
+from garment_sim_ros.declaration import declarations, validated
+from garment_sim_ros.errors import GarmentSimError, ParameterError
 from garment_sim_ros.garment.colours import garment_colour
 from garment_sim_ros.garment.outfit import load_outfit
 from garment_sim_ros.garment.outfit_file import read_outfit
@@ -55,13 +57,14 @@ from garment_sim_ros.geometry.transforms import (
 )
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.mocap.sampling import ClipSampler
-from garment_sim_ros.params import PRESETS, ClothNodeParameters, ColliderOptions
-from garment_sim_ros.presets import chosen
+from garment_sim_ros.params import PRESETS, ClothNodeParameters, ColliderOptions, Environment
+from garment_sim_ros.presets import Choice, chosen
 from garment_sim_ros.recording.metrics import ClothMeter, GarmentMesh
 from garment_sim_ros.recording.own_sides import OwnSides
 from garment_sim_ros.recording.previews import Figure, Look, moments
 from garment_sim_ros.ros.cloth_stepper import ClothStepper
 from garment_sim_ros.sim.simulation import Simulation
+from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.stamps import SECOND
 
 FRAME = 1 / 60
@@ -88,13 +91,14 @@ class Asked:
     variant: str
     solver: str
     preset: str
-    set: str
+    set: tuple[str, ...]
     seconds: float
     pictures: str
 
     def key(self) -> list:
         """What a line of the table is known by."""
-        return [getattr(self, name) for name in KEY]
+        values = [getattr(self, name) for name in KEY]
+        return [list(value) if isinstance(value, tuple) else value for value in values]
 
 
 @dataclass
@@ -177,7 +181,7 @@ def as_known(joints: list, every: int) -> list:
 
 def run(asked: Asked) -> dict:
     """Plays one clip and gives the figures."""
-    choice = chosen(asked.preset, asked.set.split())
+    choice = choice_of(asked.preset, asked.solver, asked.set)
     body = load_body(found(asked.body, "bodies"))
     clip = load_clip(found(asked.clip, "mocap"))
     retargeter = Retargeter(
@@ -202,8 +206,7 @@ def run(asked: Asked) -> dict:
     play, every = steps.get(asked.variant, (plain, 1))
     joints = as_known(joints, every)
     path = [poser.poses(T).copy() for T in joints]
-    given = {"solver": asked.solver, **choice.given("cloth_node")}
-    simulation = Simulation(garments, colliders, **given)
+    simulation = Simulation(garments, colliders, **choice.given("cloth_node"))
     meshes = {g.name: GarmentMesh.of(g) for g in garments}
     skin = (body.skin.vertices, body.skin.triangles)
     meter = ClothMeter(*skin, meshes, OwnSides.of(garments, body))
@@ -299,49 +302,27 @@ def draw(asked: Asked, kept: Frames, joints: list, skinner: Skinner, body, garme
     moments([figure(k) for k in even + worst], look, path, size=(200, 320))
 
 
-def table(rows: list[dict]) -> str:
-    """Markdown: a line for each body, outfit and variant, over all clips."""
-    groups: dict[tuple, list[dict]] = {}
-    for row in rows:
-        if "error" not in row:
-            key = (row["body"], row["outfit"], row["variant"], f"{row['solver']} {row['set']}")
-            groups.setdefault(key, []).append(row)
-    lines = [
-        "| body | outfit | variant | solver | clips | pierced in | worst share (clip) | mean "
-        "| inside p99 | of one part | inside median | worst edge | edge p95 | jump | of what lies "
-        "| crossed p99 | hems lifted | skin shows p99 | creased p99 |",
-        "|---" * 19 + "|",
-    ]
-    for (body, outfit, variant, solver), group in sorted(groups.items()):
-        share = "pierced_calm" if variant in ("15hz", "stalls") else "pierced"
-        worst = max(group, key=lambda r: r[share])
-        most = {
-            name: max((value for r in group if isinstance(value := r[name], float)), default=0.0)
-            for name in group[0]
-        }
-        cells = [
-            body.removesuffix(".glb"),
-            Path(outfit).name.replace("_female.obj", ""),
-            variant,
-            solver.strip(),
-            str(len(group)),
-            str(sum(r[share] > 0 for r in group)),
-            f"{worst[share]:.2f} ({Path(worst['clip']).stem})" if worst[share] else "0",
-            f"{np.mean([r[share] for r in group]):.3f}",
-            f"{100 * most['inside_p99']:.2f} %",
-            f"{100 * most.get('inside_once_p99', float('nan')):.2f} %",
-            f"{100 * most['inside_median']:.2f} %",
-            f"{100 * most['strain_max']:.0f} %",
-            f"{100 * most['strain_p95']:.1f} %",
-            f"{most['jump_cm']:.0f} cm",
-            f"{most['jump_lying_cm']:.0f} cm",
-            f"{100 * most['crossed_p99']:.2f} %",
-            f"{100 * most['lifted']:.0f} %",
-            f"{100 * most.get('skin_shows_p99', float('nan')):.2f} %",
-            f"{100 * most.get('creased_p99', float('nan')):.2f} %",
-        ]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+def choice_of(preset: str, solver: str, words: Sequence[str]) -> Choice:
+    """A preset with a solver, and single values for the simulation or the colliders.
+
+    Raises:
+        ParameterError: A word that is not allowed.
+    """
+    choice = chosen(preset, [f"cloth_node.solver={solver}", *words])
+    if choice.solver != solver:
+        raise ParameterError("--set cloth_node.solver", "is beside --solver", "allowed: --solver")
+    used = {
+        "collider_node": declarations(ColliderOptions),
+        "cloth_node": {*declarations(SOLVERS[solver].settings), *declarations(Environment)}
+        | {"solver", "solver_step", "detail"},
+    }
+    for node, single in choice.single.items():
+        for name in single:
+            if name not in used.get(node, ()):
+                raise ParameterError(
+                    f"--set {node}.{name}", "does nothing here", "allowed: others"
+                )
+    return choice
 
 
 def row_of(asked: Asked) -> dict[str, object]:
@@ -359,24 +340,30 @@ def main() -> None:
     parser.add_argument("--body", nargs="*", default=BODIES)
     parser.add_argument("--outfit", nargs="*", default=OUTFITS)
     parser.add_argument("--variant", nargs="*", default=["plain"], choices=VARIANTS)
-    parser.add_argument("--solver", default="xpbd")
+    parser.add_argument("--solver", default="xpbd", choices=tuple(SOLVERS))
     of_levels = [name for name in PRESETS if name != "auto"]
     parser.add_argument("--preset", default="balanced", choices=of_levels)
-    parser.add_argument("--set", nargs="+", default=[], metavar="NODE.PARAM=VALUE")
+    parser.add_argument(
+        "--set", nargs="+", action="extend", default=[], metavar="NODE.PARAM=VALUE"
+    )
     parser.add_argument("--seconds", type=float, default=0.0, help="0: the whole clip")
     parser.add_argument("--out", type=Path, default=Path("out/worn"))
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--pictures", nargs="?", const="", help="folder; DIR/pictures without")
     options = parser.parse_args()
     clips = options.clip or sorted(p.name for p in (DATA / "mocap").glob("*.bvh")) or ["walk"]
-    chosen(options.preset, options.set)  # a word that is not allowed ends it here
+    try:
+        choice_of(options.preset, options.solver, options.set)
+    except GarmentSimError as error:
+        parser.error(str(error))
     options.out.mkdir(parents=True, exist_ok=True)
     file = options.out / "runs.jsonl"
     lines = file.read_text().splitlines() if file.exists() else []
-    rows = [{"set": "", **json.loads(line)} for line in lines]
+    rows = [{"set": [], **json.loads(line)} for line in lines]
+    rows = [row for row in rows if "error" not in row]  # tried anew where they are asked for
     done = [[row[name] for name in KEY] for row in rows]
     here = {None: "", "": str(options.out / "pictures")}
-    how = (" ".join(options.set), options.seconds, here.get(options.pictures, options.pictures))
+    how = (tuple(options.set), options.seconds, here.get(options.pictures, options.pictures))
     asked = [
         Asked(*of, options.solver, options.preset, *how)
         for of in itertools.product(options.body, options.outfit, clips, options.variant)

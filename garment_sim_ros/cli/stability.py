@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     with staged(args.out) as stage:
         rows = []
         for cell in progress(chosen, "cells", len(chosen)):
-            rows.append(_row(cell, settings))
+            rows.append(_row(cell, settings, _is_usual(args)))
         told: dict[str, Any] = {
             "cells": len(rows),
             "preset": args.preset,
@@ -105,7 +105,7 @@ def _settings(args: argparse.Namespace) -> dict[str, Any]:
             for name in args.solver
         }
     choice = choice_of(args)
-    if args.preset == LifecycleParameters().preset and not any(choice.single.values()):
+    if _is_usual(args):
         return {name: solver.settings() for name, solver in SOLVERS.items()}
     return {choice.solver: _settings_of(choice)}
 
@@ -124,8 +124,13 @@ def _settings_of(choice: Choice) -> Any:
     return validated(group, choice.values("cloth_node", group))
 
 
-def _row(cell: Cell, settings: Mapping[str, Any]) -> Row:
-    """One cell with every solver."""
+def _is_usual(args: argparse.Namespace) -> bool:
+    """Whether no preset but the default, and no single values are asked for."""
+    return args.preset == LifecycleParameters().preset and not args.set
+
+
+def _row(cell: Cell, settings: Mapping[str, Any], usual: bool) -> Row:
+    """One cell with every solver; those of a preset only where nothing else is asked for."""
     outcomes, seconds = {}, {}
     scene = None if cell.absent else cell.scene()
     for solver, numbers in settings.items():
@@ -133,6 +138,8 @@ def _row(cell: Cell, settings: Mapping[str, Any]) -> Row:
         why = cell.absent
         if scene and scene.preset and (own := Choice(preset=scene.preset).solver) != solver:
             why = f"{scene.preset} has {own}"
+        elif scene and scene.preset and not usual:
+            why = f"{scene.preset} says all; allowed: no --preset or --set beside it"
         outcomes[solver] = (
             Outcome(skipped=why) if why or not scene else judge(scene, solver, numbers)
         )

@@ -29,6 +29,7 @@ from garment_sim_ros.tradeoff.table import (
     Kept,
     Row,
     across_colliders,
+    is_outside,
     machine,
     markdown,
     on_fronts,
@@ -120,7 +121,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             of = [r for r in rows if (r["scene"], r["colliders"]) == (scene, kind)]
             draw(of, _as_file(f"{scene}_{kind}"), stage, cost=_COST, error=_ERROR)
         for scene in dict.fromkeys(row["scene"] for row in closest):
-            of = [r for r in rows if r["scene"] == scene]
+            of = [r for r in rows if r["scene"] == scene and is_outside(r, _GAP)]
             draw(of, _as_file(f"{scene}_all_colliders"), stage, cost=_COST, error=_GAP)
     print(markdown(rows, best), end="")
     if dropped:

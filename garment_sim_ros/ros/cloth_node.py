@@ -38,9 +38,12 @@ from garment_sim_ros.sim.health import totals
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.sim.world.wind_field import check_wind
+from garment_sim_ros.stamps import SECOND
 
 _FASTEST_INPUT = 1000.0
 """Poses may come this often without any being lost between two frames [Hz]."""
+_GAP = SECOND // 4
+"""Without poses for so long the node is not to blame for what it passes over [ns]."""
 _MOST_DESCRIBED = 4
 """Processes whose descriptions are kept, for the case that their poses are followed."""
 _WAIT = 0.1
@@ -209,9 +212,11 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
         silent = self._poses.silent()
         stale = silent > self.parameters.stale_after
         lost = self._overload.look(stepper.coarse, stepper.skipped, time.monotonic_ns())
-        text = "; ".join(filter(None, ("paused" if self._paused else "simulates", lost)))
+        text = "paused" if self._paused else "simulates"
+        if stale:
+            text = f"no usable {COLLIDER_POSES.name} for {silent:.1f} s"
         return Condition(
-            text=f"no usable {COLLIDER_POSES.name} for {silent:.1f} s" if stale else text,
+            text=f"{text}; {lost}" if lost else text,
             well=not lost,
             stale=stale,
             values={
@@ -292,6 +297,9 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             if self._steps_on_poses and len(self._early) < _MOST_EARLY_POSES:
                 self._early.append(message)
             return
+        gap = self._stepper.has_poses and message.stamp > self._stepper.newest + _GAP
+        if gap and not self._poses.away:  # else they came while the node did not look
+            self._overload.excuse(time.monotonic_ns())
         new_sender = self._source.followed not in (None, taken.publisher)
         if self._steps_on_poses:
             self._step_to(message, new_sender=new_sender)
@@ -377,6 +385,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._paused = bool(request.data)
+        self._overload.excuse(time.monotonic_ns())
         response.success = True
         response.message = "the cloth stands still" if self._paused else "the cloth moves"
         return response

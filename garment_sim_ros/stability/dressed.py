@@ -96,6 +96,7 @@ def dressed(
 def dressed_cells() -> Iterator[tuple[str, str, Callable[[], Scene]]]:
     """What is driven to an extreme, how far, and the scene."""
     body = "dressed body"
+    yield "self-collision", f"{body}, turns at 1000 deg/s", _apart
     yield body, "turns at 3000 deg/s", partial(_turning, _RATE)
     yield body, "arms at 3000 deg/s", _flapping
     for mode in ("reset", "keep", "ignore"):
@@ -113,7 +114,6 @@ def dressed_cells() -> Iterator[tuple[str, str, Callable[[], Scene]]]:
     for preset in _PRESETS:
         yield "preset", f"{preset}, turns half around", partial(of_preset, preset, _turned)
         yield "preset", f"{preset}, arms at 3000 deg/s", partial(of_preset, preset, _flapping)
-    yield "self-collision", "dressed body, turns at 1000 deg/s", _apart
 
 
 def of_preset(preset: str, scene: Callable[..., Scene]) -> Scene:

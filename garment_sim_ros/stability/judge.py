@@ -39,7 +39,8 @@ UNDER = 0.02
 GAIN = 0.05
 """Share of the energy at the start of the calm that may be gained in it."""
 RECOVER = 0.5
-"""After so long [s] no body part may run through a garment, and no contact be dropped."""
+"""After so long [s] no body part may run through a garment, no contact be dropped, and nothing be
+put right any more."""
 
 
 @dataclass(frozen=True, kw_only=True)

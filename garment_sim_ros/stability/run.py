@@ -1,6 +1,7 @@
 """One scene with one solver, from frame to frame, and what is seen on the way."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,11 +10,11 @@ import numpy as np
 from garment_sim_ros.arrays import FloatArray
 from garment_sim_ros.declaration import declarations, validated
 from garment_sim_ros.errors import MessageError
-from garment_sim_ros.params import Environment
+from garment_sim_ros.params import ClothNodeParameters, Environment
 from garment_sim_ros.presets import preset_values
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.solvers import SOLVERS
+from garment_sim_ros.sim.solvers import SOLVERS, longest_step
 from garment_sim_ros.stability.extremes import Scene
 from garment_sim_ros.stability.measures import Edges, Strain, buried, off_pins
 from garment_sim_ros.stability.wearer import HowWorn
@@ -98,7 +99,7 @@ class Run:
             environment=scene.environment,
             settings=settings,
             solver=solver,
-            solver_step=of.get("solver_step", scene.solver_step),
+            solver_step=self._longest_step(of),
             detail=of.get("detail"),
         )
         self._has_detail = of.get("detail", 1.0) < 1.0
@@ -109,6 +110,12 @@ class Run:
         self.finite = True
         self.strain = Strain(0.0, 0.0, 0.0)
         self.pierced = 0
+
+    def _longest_step(self, of: Mapping[str, Any]) -> float:
+        """As the scene says; where a preset runs, as a node has it."""
+        if not of:
+            return self._scene.solver_step
+        return longest_step(of["solver"], of.get("solver_step", ClothNodeParameters().solver_step))
 
     @property
     def resets(self) -> int:
@@ -221,7 +228,7 @@ class Run:
         return End(
             strain=self.strain,
             let_go=self.let_go,
-            tangled=tangled / sum(map(len, x.values())),
+            tangled=tangled / sum(len(self.simulation.model(n).rest) for n in x),
             crossed=own if worn is None else max(own, worn.crossed),
             buried=worn.inside
             if worn is not None

@@ -142,8 +142,8 @@ def _chart(
         x, y = place(row)
         colour = _COLOUR.get(row["solver"], _INK)
         _mark(canvas, (x, y), row["solver"], not row["faults"])
-        if row in best:
-            side = (-1) ** best.index(row)  # by turns, as neighbours may be close
+        if row in best or several:
+            side = (-1) ** (best if row in best else rows).index(row)  # neighbours may be close
             words = row.get("preset") or f"{row['sub_steps']}x{row['passes']}"
             if several:
                 words = f"{words}, {row['colliders']}"

@@ -93,7 +93,7 @@ def test_auto_goes_down_and_up_with_its_budget_and_says_why(
         assert up["auto_cause"] != down["auto_cause"]
     finally:
         feeder.stop()
-    assert "auto: " in node.output
+    assert "auto: from " in node.output
     node.send(signal.SIGTERM)
     assert node.wait() == 0
 

@@ -272,9 +272,11 @@ class TestFront:
         beaten = row | {"colliders": "ellipsoids", "hot_ms": 3.0, "gap_mm": 30.0}
         pierced = row | {"colliders": "sdf", "gap_mm": 1.0, "faults": ["pierced"]}
         alone = row | {"scene": "b", "hot_ms": 0.1}
-        rows = [row, beaten, cheap, pierced, alone]
+        deep = row | {"colliders": "spheres", "gap_mm": 2.0, "inside": 0.1}
+        through = row | {"colliders": "none", "gap_mm": -4.0}
+        rows = [row, beaten, cheap, pierced, alone, deep, through]
         assert across_colliders(rows, "hot_ms", "gap_mm") == [cheap, row]
-        assert on_fronts(rows, "hot_ms", "gap_mm") == [row, beaten, cheap, alone]
+        assert on_fronts(rows[:5], "hot_ms", "gap_mm") == [row, beaten, cheap, alone]
 
 
 def test_a_line_that_was_not_finished_counts_for_nothing(tmp_path):
