@@ -25,6 +25,8 @@ EXAMPLE = "garment-sim demo --body avatar.glb --clip dance.bvh --out out/dance"
 
 _START_LIMIT = 180.0  # for the first cloth, once no node says that it is at work [s]
 _WAIT = 0.1
+_FEW_LATE = 0.05
+"""Share of the frames that may be late without a word."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,6 +63,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         summary["preset"] = args.preset
         (stage / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
     print(_table(summary))
+    if advice := advice_on(summary):
+        print(advice)
     if summary["pictures"] != "drawn":
         print(summary["pictures"])
     print(f"written to {args.out}: {', '.join(sorted(os.listdir(args.out)))}")
@@ -107,6 +111,23 @@ def _record(
                 recorder.check()
         nodes.finish()
     return first_cloth
+
+
+def advice_on(summary: dict[str, Any]) -> str:
+    """What to do where many frames were late; empty where few were.
+
+    Args:
+        summary: What goes to ``summary.json``.
+    """
+    late, frames = summary["late_frames"], max(summary["frames"], 1)
+    if late <= _FEW_LATE * frames:
+        return ""
+    cheaper = {"auto": "--preset fast", "fast": "--set cloth_node.rate=30"}
+    less = cheaper.get(summary["preset"], "--preset auto or --preset fast")
+    return (
+        f"note: {100.0 * late / frames:.0f} % of the frames were late: this machine is slow, or "
+        f"busy, for preset {summary['preset']}; {less} asks for less"
+    )
 
 
 def _table(summary: dict[str, Any]) -> str:
