@@ -1,20 +1,17 @@
 """One scene with one solver, from frame to frame, and what is seen on the way."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from garment_sim_ros.arrays import FloatArray
-from garment_sim_ros.declaration import declarations, validated
 from garment_sim_ros.errors import MessageError
-from garment_sim_ros.params import ClothNodeParameters, Environment
-from garment_sim_ros.presets import preset_values
+from garment_sim_ros.params import Environment
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.simulation import Simulation
-from garment_sim_ros.sim.solvers import SOLVERS, longest_step
+from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.stability.extremes import Scene
 from garment_sim_ros.stability.measures import Edges, Strain, buried, off_pins
 from garment_sim_ros.stability.wearer import HowWorn
@@ -84,25 +81,21 @@ class Run:
     """
 
     def __init__(self, scene: Scene, solver: str, settings: Any = None) -> None:
-        of = preset_values(scene.preset, "cloth_node") if scene.preset else {}
-        if of:
-            solver, group = of["solver"], SOLVERS[of["solver"]].settings
-            settings = validated(group, {k: v for k, v in of.items() if k in declarations(group)})
         settings = settings or SOLVERS[solver].settings()
         if scene.passes is not None:
             name = "sweeps" if hasattr(settings, "sweeps") else "iterations"
             settings = replace(settings, **{name: scene.passes})
         self._scene = scene
-        self.simulation = Simulation(
-            scene.garments,
-            scene.colliders,
-            environment=scene.environment,
-            settings=settings,
-            solver=solver,
-            solver_step=self._longest_step(of),
-            detail=of.get("detail"),
+        how: dict[str, Any] = {"solver": solver, "settings": settings}
+        how |= {"solver_step": scene.solver_step}
+        if scene.preset:
+            how = {"preset": scene.preset}
+        self.simulation = simulation = Simulation(
+            scene.garments, scene.colliders, environment=scene.environment, **how
         )
-        self._has_detail = of.get("detail", 1.0) < 1.0
+        self._has_detail = bool(scene.preset) and any(
+            len(simulation.model(g.name).rest) < len(g.vertices) for g in scene.garments
+        )
         self._edges = Edges(scene.garments)
         self._last = self._free_positions()
         self.rejected = 0
@@ -110,12 +103,6 @@ class Run:
         self.finite = True
         self.strain = Strain(0.0, 0.0, 0.0)
         self.pierced = 0
-
-    def _longest_step(self, of: Mapping[str, Any]) -> float:
-        """As the scene says; where a preset runs, as a node has it."""
-        if not of:
-            return self._scene.solver_step
-        return longest_step(of["solver"], of.get("solver_step", ClothNodeParameters().solver_step))
 
     @property
     def resets(self) -> int:
