@@ -125,8 +125,8 @@ def advice_on(summary: dict[str, Any]) -> str:
     cheaper = {"auto": "--preset fast", "fast": "--set cloth_node.rate=30"}
     less = cheaper.get(summary["preset"], "--preset auto or --preset fast")
     return (
-        f"note: {late} frames were late or left out, {frames} came: this machine is slow, or busy, "
-        f"for preset {summary['preset']}; {less} asks for less"
+        f"note: {late} frames were late or left out, {frames} came: this machine is slow, or "
+        f"busy, for preset {summary['preset']}; {less} asks for less"
     )
 
 
