@@ -250,7 +250,7 @@ def test_bodies_are_dressed_when_they_come_and_undressed_when_they_go(
 
     walk_until(lambda: all(len(probe.received(t)) > 5 for t in points), "cloth of both")
     for publisher in walking.pop(bodies[0]):
-        probe.node.destroy_publisher(publisher)
+        probe.destroy(publisher)
     walk_until(lambda: not any(ns == bodies[0] for _, ns in nodes()), "the first to be gone")
     came = len(probe.received(points[1]))
     walk_until(lambda: len(probe.received(points[1])) > came + 10, "the other to go on")

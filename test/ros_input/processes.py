@@ -179,6 +179,14 @@ class Probe:
             self._publishers[topic.name] = publisher
         self._publishers[topic.name].publish(message)
 
+    def destroy(self, publisher: Any) -> None:
+        """End a publisher of the node's, in the thread that spins.
+
+        From another thread its events may go while that one is about to wait for them: it ends.
+        """
+        done = self._executor.create_task(self.node.destroy_publisher, publisher)
+        wait_until(done.done, "a publisher to end")
+
     def _note(self, message: Any) -> None:
         for status in message.status:
             self._diagnostics[status.name] = status
