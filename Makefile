@@ -8,7 +8,8 @@ SYSTEM_PYTHON = $(shell for p in $(PYTHON) python3 python3.13 python3.12 python3
 	$$p -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' 2>/dev/null && echo $$p && break; done)
 PY := .venv/bin/python
 STAMP := .venv/.installed
-SPREAD := --numprocesses auto --maxprocesses 4 --dist loadfile
+# So many processes as test/conftest.py says.
+SPREAD := --numprocesses auto --dist loadfile
 
 help: ## This list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 14

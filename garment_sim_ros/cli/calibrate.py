@@ -28,15 +28,17 @@ def run_calibration() -> dict[str, Any]:
             "level": level.name,
             "sub_steps": level.sub_steps,
             "searches": level.sub_steps // level.search_every,
+            "detail": level.detail,
             "ms": round(float(ms), 3),
             "of_balanced": round(taken[level.name], 3) if level.name in taken else None,
             "strain_p95": round(float(strain), 4),
         }
         for level, ms, strain in zip(LEVELS, cost, stretch)
     ]
-    print("level            sub-steps     ms  of balanced  stretch p95")
+    print("level            vertices  sub-steps     ms  of balanced  stretch p95")
     for level, ms, strain in zip(LEVELS, cost, stretch):
         told = f"{taken[level.name]:.2f}" if level.name in taken else "not on the front"
         percent = f"{100.0 * strain:.1f} %"
-        print(f"{level.name:<16} {level.sub_steps:>9} {ms:>6.2f} {told:>12} {percent:>12}")
+        size = f"{level.detail:>8.0%} {level.sub_steps:>10}"
+        print(f"{level.name:<16} {size} {ms:>6.2f} {told:>12} {percent:>12}")
     return {"machine": machine(1), "levels": rows}

@@ -25,7 +25,7 @@ from garment_sim_ros.ros.dresser import Dressed, Dresser
 from garment_sim_ros.ros.garment_publishers import warm_up
 from garment_sim_ros.ros.lifecycle import ManagedNode
 from garment_sim_ros.ros.overload import Overload
-from garment_sim_ros.ros.pace import Pace, check_pace
+from garment_sim_ros.ros.pace import Pace, check_pace, moves
 from garment_sim_ros.ros.place import ALONE, Place
 from garment_sim_ros.ros.process import run
 from garment_sim_ros.ros.progress import reporting
@@ -115,6 +115,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             solver=p.solver,
             solver_step=p.solver_step,
             detail=p.detail,
+            paced=moves(self.preset, p),
             compiler=compiler,
             parameters=self._forces,
             after=self._still_dressing,
@@ -273,8 +274,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
     def _put_on(self, dressed: Dressed | None) -> None:
         if dressed is None:
             return
-        p = self.parameters
-        simulation = dressed.simulation
+        p, simulation = self.parameters, dressed.simulation
         try:
             simulation.parameters = self._forces()
         except ParameterError as error:  # set while the garments were made

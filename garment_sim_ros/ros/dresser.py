@@ -13,6 +13,7 @@ from garment_sim_ros.garment.outfit import Outfit, load_outfit
 from garment_sim_ros.recording.worn_watch import WornWatch
 from garment_sim_ros.ros.background import Background
 from garment_sim_ros.ros.compiler import Compiler
+from garment_sim_ros.sim.auto.pacer import details
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers import longest_step
@@ -52,6 +53,7 @@ def dress(
     solver_step: float,
     detail: float,
     parameters: Parameters,
+    paced: bool = False,
 ) -> tuple[Outfit, Simulation]:
     """An outfit on the colliders that a body was described by.
 
@@ -64,6 +66,7 @@ def dress(
         solver_step: The step of the cloth's clock [s].
         detail: Share of each garment's vertices that are simulated.
         parameters: Outer forces and numerical parameters.
+        paced: Whether the preset auto will change that share.
 
     Raises:
         GarmentSimError: One of them cannot be used, or they do not suit each other.
@@ -74,6 +77,8 @@ def dress(
         made.garments, colliders, solver=solver, solver_step=step, detail=detail
     )
     simulation.parameters = parameters
+    for share in details(detail) if paced else ():
+        simulation.prepare(share)
     return made, simulation
 
 
@@ -88,6 +93,7 @@ class Dresser:
         solver: Name of the solver.
         solver_step: The step of the cloth's clock [s].
         detail: Share of each garment's vertices that are simulated.
+        paced: Whether the preset auto will change that share.
         compiler: Compiles what the garments will run.
         parameters: Gives outer forces and numerical parameters, which must suit the colliders.
         after: A thread of an earlier dresser's to wait for, see `Background.retire`.
@@ -103,6 +109,7 @@ class Dresser:
         solver: str,
         solver_step: float,
         detail: float,
+        paced: bool,
         compiler: Compiler,
         parameters: Callable[[], Parameters],
         after: threading.Thread | None = None,
@@ -113,7 +120,7 @@ class Dresser:
         self._attachments = attachments
         self._solver = solver
         self._solver_step = solver_step
-        self._detail = detail
+        self._detail, self._paced = detail, paced
         self._compiler = compiler
         self._parameters = parameters
         self._work = Background(self._make, DESCRIPTION, after)
@@ -170,6 +177,7 @@ class Dresser:
             solver=self._solver,
             solver_step=self._solver_step,
             detail=self._detail,
+            paced=self._paced,
             parameters=parameters,
         )
         # What the outfit did not tell of is compiled here and not in a frame.

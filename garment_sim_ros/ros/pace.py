@@ -107,6 +107,7 @@ class Pace:
         return {
             "auto_level": self._pacer.number,
             "auto_sub_steps": self._pacer.level.sub_steps,
+            "auto_detail": self._stepper.simulation.detail,
             "auto_changes": self._pacer.changes,
             "auto_name": self._pacer.level.name,
             "auto_cause": self._pacer.cause,
@@ -121,6 +122,11 @@ class Pace:
             self._log(f"auto: from {before} to {after}, {change.cause}")
 
 
+def moves(preset: str, p: ClothNodeParameters) -> bool:
+    """Whether a node's preset moves anything."""
+    return preset == AUTO and p.step_on != "poses"
+
+
 def budget_of(p: ClothNodeParameters) -> float:
     """Longest time that a frame may take [ms]."""
     return p.frame_budget_ms or 1e3 * SHARE / p.rate
@@ -132,6 +138,6 @@ def check_pace(preset: str, settings: Any, p: ClothNodeParameters) -> None:
     Raises:
         ParameterError: It is, or the solver is another one.
     """
-    if preset == AUTO and p.step_on != "poses":
+    if moves(preset, p):
         check_solver(settings)
         check_unmoved(vars(settings), preset_values(AUTO, "cloth_node"))

@@ -84,7 +84,7 @@ def numerics_of(
         raise ParameterError("solver_step", f"found {step!r}", "allowed: above 0 s")
     if detail is None:
         detail = usual.get(_DETAIL, 1.0)
-    detail = checked(declarations(ClothNodeParameters)[_DETAIL], detail)
+    detail = checked_detail(detail)
     forces = environment or _of_preset(Environment, usual)
     numbers = settings or _of_preset(SOLVERS[solver].settings, usual)
     known = {**declarations(Environment), **declarations(type(numbers))}
@@ -103,6 +103,16 @@ def numerics_of(
         check_solver(parameters.settings)
         check_unmoved(vars(parameters.settings), usual)
     return Numerics(solver, step, detail, parameters, budget)
+
+
+def checked_detail(share: Any) -> float:
+    """A share of vertices.
+
+    Raises:
+        ParameterError: It is not allowed.
+    """
+    share = checked(declarations(ClothNodeParameters)[_DETAIL], share)
+    return float(share)
 
 
 def _budget(preset: str | None, value: Any) -> float:

@@ -6,6 +6,7 @@ from garment_sim_ros.arrays import FloatArray, SingleArray
 from garment_sim_ros.contact.sides import Sides
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.geometry.topology import vertex_normals
+from garment_sim_ros.sim.cast import Cast
 from garment_sim_ros.sim.colliders import ColliderState
 from garment_sim_ros.sim.garment_view import GarmentView
 from garment_sim_ros.sim.health import Health
@@ -13,14 +14,13 @@ from garment_sim_ros.sim.holds.tethers import Attached
 from garment_sim_ros.sim.layers.pair import LayerPair
 from garment_sim_ros.sim.model import ClothModel
 from garment_sim_ros.sim.state import State
-from garment_sim_ros.sim.worn import Worn
 
 
 class ByName:
     """What a `Simulation` tells of its garments; nothing here changes it."""
 
-    _worn: dict[str, Worn]
-    _under: dict[str, list[tuple[Worn, LayerPair]]]
+    _cast: Cast
+    _casts: dict[float, Cast]
     _view: dict[str, GarmentView]
     _colliders: ColliderState
 
@@ -43,47 +43,47 @@ class ByName:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the garments."""
-        return tuple(self._worn)
+        return tuple(self._cast.worn)
 
     def model(self, name: str) -> ClothModel:
         """Particles and springs of a garment, of as many vertices as are simulated."""
-        return self._worn[name].model
+        return self._cast.worn[name].model
 
     def state(self, name: str) -> State:
         """Motion of what is simulated of a garment, in its model's order, relative to `origin`."""
-        return self._worn[name].state
+        return self._cast.worn[name].state
 
     def sides(self, name: str) -> Sides:
         """On which side of a garment's free particles the shapes are."""
-        return self._worn[name].workspace.sides
+        return self._cast.worn[name].workspace.sides
 
     def layer(self, name: str) -> int:
         """The layer that a garment is worn in."""
-        return self._worn[name].garment.layer
+        return self._cast.worn[name].garment.layer
 
     def over(self, name: str) -> tuple[LayerPair, ...]:
         """How a garment meets each of those that it is worn over."""
-        return tuple(pair for _, pair in self._under[name])
+        return tuple(pair for _, pair in self._cast.under[name])
 
     def skin_limits(self, name: str) -> tuple[str, ...]:
         """Names of the limits that hold a garment near its place as skin."""
-        return tuple(self._worn[name].garment.skin_limits)
+        return tuple(self._cast.worn[name].garment.skin_limits)
 
     def attached(self, name: str) -> Attached:
         """Tethers and soft attachments of a garment."""
-        return self._worn[name].workspace.attached
+        return self._cast.worn[name].workspace.attached
 
     def limits(self, name: str) -> tuple[str, ...]:
         """What the solver does not take as a garment's material has it, in words."""
-        return self._worn[name].workspace.limits
+        return self._cast.worn[name].workspace.limits
 
     def own_distance(self, name: str) -> float | None:
         """The distance that parts of a garment keep from each other [m]; None without."""
-        return self._worn[name].garment.self_collision
+        return self._cast.worn[name].garment.self_collision
 
     def health(self, name: str) -> Health:
         """Counts and readings of a garment."""
-        return self._worn[name].health
+        return self._cast.worn[name].health
 
     @property
     def collider_state(self) -> ColliderState:
@@ -104,7 +104,7 @@ class ByName:
 
         Without `out`, an array that the next call for this garment overwrites.
         """
-        worn = self._worn[name]
+        worn = self._cast.worn[name]
         out = worn.x_world if out is None else out
         return worn.shown(self._colliders.origin, out)
 
@@ -113,7 +113,7 @@ class ByName:
 
         Without `out`, an array that the next call for this garment overwrites.
         """
-        worn = self._worn[name]
+        worn = self._cast.worn[name]
         out = worn.normal if out is None else out
         vertex_normals(self.positions(name), worn.triangles, out)
         return out

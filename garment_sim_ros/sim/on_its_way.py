@@ -23,12 +23,17 @@ class OnItsWay:
 
     Args:
         garment: The garment.
+        speed: Of the vertex with the longest way, against the skin [m/s].
+        longest: Longest time on the way [s].
 
     Attributes:
         left: How much of the way is left, from 1 to 0.
     """
 
-    def __init__(self, garment: GarmentLike) -> None:
+    def __init__(
+        self, garment: GarmentLike, speed: float = _SPEED, longest: float = _LONGEST
+    ) -> None:
+        self._speed, self._longest = speed, longest
         self._index = np.asarray(garment.frame_index)
         self._weight = np.asarray(garment.frame_weight, dtype=np.float64)
         self.left = 0.0
@@ -46,7 +51,7 @@ class OnItsWay:
         """
         longest = float(np.linalg.norm(off, axis=1).max(initial=0.0))
         self.left = 1.0 if 0.0 < longest < np.inf else 0.0
-        self._rate = 1.0 / max(min(longest / _SPEED, _LONGEST), 1e-9)
+        self._rate = 1.0 / max(min(longest / self._speed, self._longest), 1e-9)
         self._off, self._now = off.copy(), off.astype(np.float32)
         self._R_then = T_world_frame[:, :3, :3].copy()
 

@@ -9,8 +9,8 @@ has what follows.
 """
 
 from collections import deque
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -146,6 +146,29 @@ class Rewinding:
             old.openings.begin(kept.x, poses)
             self._records[name] = _Record(
                 deque(maxlen=_KEPT), old.openings, old.riding_up, old.skin, first=kept
+            )
+
+    def take_over(self, before: "Rewinding", carry: Callable[[str, Kept], Kept]) -> None:
+        """Goes on where what looked after the same garments, with other vertices, was.
+
+        Args:
+            before: What looked after them.
+            carry: What it kept of a garment, by name, as it is with the vertices of this one.
+        """
+        self.looked, self._next, self._gravity = before.looked, before._next, before._gravity
+        self._at, self._then = before._at, before._then
+        for name, record in before._records.items():
+            own = self._records[name]
+            first = None if record.first is None else carry(name, record.first)
+            if first is not None:
+                own.openings.begin(first.x, first.poses)
+            self._records[name] = replace(
+                record,
+                kept=deque((carry(name, kept) for kept in record.kept), maxlen=_KEPT),
+                openings=own.openings,
+                riding_up=own.riding_up,
+                skin=own.skin,
+                first=first,
             )
 
     def look(

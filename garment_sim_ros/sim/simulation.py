@@ -10,23 +10,22 @@ from garment_sim_ros.contact.papers.allowed import check_contact
 from garment_sim_ros.contact.shapes import ColliderPoses, ColliderSet
 from garment_sim_ros.errors import GeometryError, MessageError, ParameterError
 from garment_sim_ros.params import Environment, ImplicitSettings, RelaxationSettings, XpbdSettings
-from garment_sim_ros.sim.arguments import OutfitLike, garments_of, numerics_of
+from garment_sim_ros.sim.arguments import OutfitLike, checked_detail, garments_of, numerics_of
 from garment_sim_ros.sim.auto.pacer import Pacer
 from garment_sim_ros.sim.by_name import ByName
-from garment_sim_ros.sim.entangled import entangled_of, pairs_of
+from garment_sim_ros.sim.cast import Cast
 from garment_sim_ros.sim.garment_view import GarmentView
 from garment_sim_ros.sim.loop import take_step
 from garment_sim_ros.sim.model import Parameters
 from garment_sim_ros.sim.placement import GarmentLike, blend, rest_transforms
 from garment_sim_ros.sim.putting_on import rest_at, set_in_motion, time_from
-from garment_sim_ros.sim.rewinding import Kept, Rewinding
+from garment_sim_ros.sim.rewinding import Kept
 from garment_sim_ros.sim.settle import settle
 from garment_sim_ros.sim.solvers import SOLVERS
 from garment_sim_ros.sim.winding_back import moved_with_root, wind_back
 from garment_sim_ros.sim.world.collider_motion import ColliderMotion
 from garment_sim_ros.sim.world.root_motion import TakenOut, take_along
 from garment_sim_ros.sim.world.wind_field import Wind, check_wind
-from garment_sim_ros.sim.world.wind_on_cloth import WindOnCloth
 from garment_sim_ros.sim.worn import Worn
 
 _REPLAY = 2.0
@@ -78,33 +77,25 @@ class Simulation(ByName):
         solver, solver_step, detail, asked, budget = numerics_of(
             preset, solver, solver_step, detail, environment, settings, parameters
         )
-        garments = garments_of(garments)
-        names = [g.name for g in garments]
+        self._garments = garments_of(garments)
+        names = [g.name for g in self._garments]
         if len(set(names)) != len(names):
             raise GeometryError(f"garment names must be unique; found {', '.join(names)}")
         self.collider_set = colliders
         self.solver, self.solver_step = solver, solver_step
         self._solver = SOLVERS[solver]
-        self._T_world_rest = rest_transforms(garments, colliders)
+        self._T_world_rest = rest_transforms(self._garments, colliders)
         self._motion = ColliderMotion(colliders, self._T_world_rest)
         self._colliders = self._motion.state
         if self._colliders.skin is not None and solver != "relaxation":
             raise ParameterError("solver", f"found {solver!r}", "allowed with a mesh: relaxation")
-        # Inner ones first: what lies on them then meets them where they are.
-        self._worn = {
-            g.name: Worn.on(g, colliders, self._colliders, self._solver, detail)
-            for g in sorted(garments, key=lambda g: g.layer)
-        }
-        self._under = pairs_of(self._worn)
-        self._entangled = entangled_of(self._worn, self._under)
+        self._casts, self._view = {}, {}
+        self._is_on = self._is_first = False
+        self.detail = detail
         self.time, self.outran = 0.0, 0
-        self._view = {n: GarmentView(w, self.origin) for n, w in self._worn.items()}
-        self._is_sewing = any(g.stitches is not None for g in garments)
-        self._rewinding = Rewinding(colliders, self._worn, self.origin, self._T_world_rest)
+        self._is_sewing = any(g.stitches is not None for g in self._garments)
         self._coarseness = 1
         self._at = ColliderPoses.identity(len(colliders))
-        self._is_on = self._is_first = False
-        self._wind_on: dict[str, WindOnCloth] = {}
         self._wind = Wind(asked.environment)
         self.parameters = asked
         self.pace = Pacer.of(self, budget)
@@ -133,6 +124,30 @@ class Simulation(ByName):
             self._wind.become(parameters.environment, self.time)
         self._acting = parameters
         self._extras = getattr(parameters.settings, "extras", True)
+
+    @property
+    def detail(self) -> float:
+        """Share of each garment's vertices that are simulated; may be set between steps."""
+        return self._detail
+
+    @detail.setter
+    def detail(self, share: float) -> None:
+        self.prepare(share)
+        now = self._casts[share]
+        before, self._cast, self._detail = getattr(self, "_cast", now), now, share
+        if self._is_on and now is not before:
+            self._motion.interpolate(self._at, self._at, 0.0, 1.0)
+            step = partial(self._step, tuple(now.worn.values()), self.solver_step)
+            watch = partial(self._watch, 0, self.solver_step)
+            now.take_over(before, self._colliders, self._at, step, watch)
+        for name, worn in now.worn.items():
+            self._view.setdefault(name, GarmentView(worn, self.origin)).worn = worn
+
+    def prepare(self, share: float) -> None:
+        """Makes what it takes to set `detail`, so that then no time passes for it."""
+        if checked_detail(share) not in self._casts:
+            at = self.collider_set, self._colliders, self._solver, self._T_world_rest
+            self._casts[share] = Cast.of(self._garments, share, *at)
 
     def check(self, parameters: Parameters) -> None:
         """See whether parameters may be set.
@@ -167,11 +182,11 @@ class Simulation(ByName):
             self._put_on(poses)
         self._at.assign(poses)
         self._colliders.pose_bare_skin()
-        for worn in self._worn.values():
+        for worn in self._cast.worn.values():
             worn.health.settling_steps = self._settle(worn) if settle else 0
             worn.watch(self._colliders, self.solver_step, math.inf, aside=self._extras)
-        self._rewinding.begin(poses)
-        for pair in self._entangled:
+        self._cast.rewinding.begin(poses)
+        for pair in self._cast.entangled:
             pair.begin()
 
     def _restart(self) -> None:
@@ -182,9 +197,9 @@ class Simulation(ByName):
     def _put_on(self, poses: ColliderPoses) -> None:
         """Places every garment on a pose, where it would be as skin."""
         self._motion.stand(poses)
-        for worn in self._worn.values():
+        for worn in self._cast.worn.values():
             worn.place(blend(worn.garment, worn.frames.world(poses)), self._colliders)
-            for _, pair in self._under[worn.garment.name]:
+            for _, pair in self._cast.under[worn.garment.name]:
                 pair.forget()
 
     def step(self, poses: ColliderPoses | None = None, dt: float = 1 / 60) -> None:
@@ -219,10 +234,9 @@ class Simulation(ByName):
         Raises:
             MessageError: Poses that are not usable; nothing changes.
         """
-        self._motion.check(poses_start)
-        self._motion.check(poses_end)
+        self._motion.check(poses_start, poses_end)
         self._follow(poses_start)
-        for worn in self._worn.values():
+        for worn in self._cast.worn.values():
             start, end = (worn.frames.world(p) for p in (poses_start, poses_end))
             worn.transport(blend(worn.garment, end - start))
         self._follow(poses_end)
@@ -244,8 +258,7 @@ class Simulation(ByName):
         Raises:
             MessageError: Poses or a time that are not usable; nothing changes.
         """
-        self._motion.check(poses_start)
-        self._motion.check(poses_end)
+        self._motion.check(poses_start, poses_end)
         self._go(poses_start, poses_end, dt)
         self._at.assign(poses_end)
         self._look_after(poses_end)
@@ -266,27 +279,24 @@ class Simulation(ByName):
         Raises:
             MessageError: Poses or a time that are not usable; nothing changes.
         """
-        self._motion.check(poses_start)
-        self._motion.check(poses_end)
         self._coarseness = times
         try:
-            self._go(poses_start, poses_end, dt)
+            self.advance(poses_start, poses_end, dt)
         finally:
             self._coarseness = 1
-        self._at.assign(poses_end)
-        self._look_after(poses_end)
 
     def _look_after(self, poses: ColliderPoses) -> None:
         """Winds garments back that limbs stay in; the colliders are in their last poses."""
         if self._is_sewing or not self._extras:
             return
-        for name in self._rewinding.look(self.time, poses, self.parameters.environment.gravity):
-            wind_back(self._rewinding, self._worn[name], poses, self._replay)
-            self._rewinding.tried(name, self.time)
-            for _, pair in self._under[name]:
+        cast, gravity = self._cast, self.parameters.environment.gravity
+        for name in cast.rewinding.look(self.time, poses, gravity):
+            wind_back(cast.rewinding, cast.worn[name], poses, self._replay)
+            cast.rewinding.tried(name, self.time)
+            for _, pair in cast.under[name]:
                 pair.forget()
-        for entangled in self._entangled:
-            entangled.look(self._rewinding, self.time, poses)
+        for entangled in cast.entangled:
+            entangled.look(cast.rewinding, self.time, poses)
 
     def _replay(self, worn: Worn, kept: Kept, poses: ColliderPoses) -> None:
         """Places one garment as it once was, and lets the body move from there to its poses."""
@@ -305,7 +315,7 @@ class Simulation(ByName):
         self, poses_start: ColliderPoses, poses_end: ColliderPoses, dt: float | None = None
     ) -> None:
         """Advances all garments between poses that are usable."""
-        steps, everything = self._steps(dt), tuple(self._worn.values())
+        steps, everything = self._steps(dt), tuple(self._cast.worn.values())
         h = (self.solver_step if dt is None else dt) / steps
         if self._is_first and self._taken_out.is_nothing:
             set_in_motion(everything, poses_start, poses_end, steps * h)
@@ -339,19 +349,14 @@ class Simulation(ByName):
     def _watch(self, steps: int, dt: float) -> None:
         """Takes readings after so many steps of dt [s]."""
         self._colliders.pose_bare_skin()
-        for worn in self._worn.values():
+        for worn in self._cast.worn.values():
             worn.health.steps += steps
             worn.watch(self._colliders, dt, steps * dt, aside=self._extras)
-            worn.health.tangled = 0
-        for outer, pairs in self._under.items():
-            for inner, pair in pairs:
-                of_outer, of_inner = pair.tangled
-                self._worn[outer].health.tangled += of_outer
-                inner.health.tangled += of_inner
+        self._cast.count_tangled()
 
     def _settle(self, worn: Worn) -> int:
         """Lets one garment come to rest on those under it, which stay; counts the steps."""
-        pairs = [pair for _, pair in self._under[worn.garment.name]]
+        pairs = [pair for _, pair in self._cast.under[worn.garment.name]]
         for pair in pairs:
             pair.keep_inner_still(True)
         steps = settle(partial(self._step, (worn,)), worn, self.solver_step)
@@ -362,7 +367,7 @@ class Simulation(ByName):
     def _step(self, garments: Sequence[Worn], dt: float) -> None:
         """A step of dt [s] of some garments on the colliders as they move."""
         worn_over = garments if self._extras else ()
-        pairs = [pair for worn in worn_over for _, pair in self._under[worn.garment.name]]
+        pairs = [pair for worn in worn_over for _, pair in self._cast.under[worn.garment.name]]
         for worn in garments:
             self._begin(worn, dt)
         take_step(self._solver, garments, pairs, self._colliders, self._acting, dt)
@@ -373,18 +378,13 @@ class Simulation(ByName):
         """What comes before a garment's step of dt [s], whichever solver it is."""
         worn.begin(self._colliders, dt)
         if self._wind.acts(self.time):
-            name = worn.garment.name
-            if name not in self._wind_on:
-                self._wind_on[name] = WindOnCloth(worn.model)
-            self._wind_on[name].blow(
-                self._wind.at(self.time), worn.state, self.origin, self.time, dt
-            )
+            self._cast.blow(worn, self._wind.at(self.time), self.origin, self.time, dt)
 
     def _follow(self, poses: ColliderPoses) -> None:
         """Moves the local origin after the body."""
         shift_by = self._motion.follow(poses)
         if shift_by is not None:
-            for worn in self._worn.values():
+            for worn in self._cast.worn.values():
                 worn.shift(shift_by)
 
     def _take_along(self, dt: float) -> None:
@@ -394,7 +394,7 @@ class Simulation(ByName):
             return
         self.outran += taken.outran
         self._motion.state.pose()
-        for worn in self._worn.values():
+        for worn in self._cast.worn.values():
             take_along(
                 worn.state.x, worn.state.v, colliders.origin, taken.pivot, taken.turn, taken.way
             )

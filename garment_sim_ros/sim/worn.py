@@ -9,10 +9,9 @@ from garment_sim_ros.arrays import FloatArray, IntArray, SingleArray
 from garment_sim_ros.contact.guard.guard import Guard
 from garment_sim_ros.contact.shapes import ColliderSet
 from garment_sim_ros.contact.sides import Sides
-from garment_sim_ros.errors import GeometryError
 from garment_sim_ros.sim.aside import Aside
 from garment_sim_ros.sim.colliders import ColliderState
-from garment_sim_ros.sim.detail.coarser import coarser, fewest
+from garment_sim_ros.sim.detail.share import simulated_share
 from garment_sim_ros.sim.detail.surface import Surface
 from garment_sim_ros.sim.health import Health
 from garment_sim_ros.sim.holds.attaching import attached_to
@@ -41,8 +40,9 @@ from garment_sim_ros.sim.solvers import Solver
 from garment_sim_ros.sim.state import State, Workspace
 
 _NOWHERE = np.zeros(3)
-_ROUNDED = 1.2
-"""A garment of several parts has a few more vertices than its share."""
+_GOING_OVER = 0.2, 0.25
+"""Where other vertices are simulated from now on, what is shown goes over at up to so many metres
+a second against the skin, 3 mm in a 60th, in so many seconds at most."""
 
 
 @dataclass(kw_only=True)
@@ -63,6 +63,7 @@ class Worn(Piece):
             garment; None where there are none.
         on_its_way: What it is shown off its place where it was wound back.
         aside: What it is shown off its place to lie over the shapes, with round creases.
+        going_over: What it is shown off its place since other vertices are simulated.
         x_world: World positions of its vertices in file order [m], shape [v, 3].
         normal: Their unit normals, shape [v, 3].
         x_simulated: Scratch: those that are simulated, shape [n, 3].
@@ -80,6 +81,7 @@ class Worn(Piece):
     letting_go: LettingGo | None
     on_its_way: OnItsWay
     aside: Aside
+    going_over: OnItsWay
     x_world: SingleArray
     normal: SingleArray
     x_simulated: SingleArray
@@ -105,7 +107,7 @@ class Worn(Piece):
         Raises:
             GeometryError: It cannot be simulated, or a frame is missing.
         """
-        garment, surface, limits = _simulated(given, detail)
+        garment, surface, limits = simulated_share(given, detail)
         frames = find_frames(garment.name, garment.frames, collider_set)
         model = build_model(
             garment.name,
@@ -159,6 +161,7 @@ class Worn(Piece):
                 _shown_in_place(given),
                 _over_skin(given, colliders, T_world_rest),
             ),
+            going_over=OnItsWay(given, *_GOING_OVER),
             constraints=_constraints(garment, places, model, workspace),
             x_world=np.zeros((len(given.vertices), 3), np.float32),
             normal=np.zeros((len(given.vertices), 3), np.float32),
@@ -246,6 +249,7 @@ class Worn(Piece):
         """World positions of all its vertices as shown, in file order [m], shape [v, 3]."""
         out = self.simulated(origin, out)
         out += self.aside.off
+        self.going_over.add_to(out)
         return out
 
     def simulated(self, origin: FloatArray, out: SingleArray | None = None) -> SingleArray:
@@ -254,6 +258,14 @@ class Worn(Piece):
             return self.seen(origin, out)
         out = np.empty((len(self.surface), 3), np.float32) if out is None else out
         self.surface.follow(self.seen(_NOWHERE, self.x_simulated), origin, out)
+        return out
+
+    def beside(self, x: SingleArray) -> SingleArray:
+        """All its vertices where those that are simulated are at x [m], shapes [n, 3], [v, 3]."""
+        if self.surface is None:
+            return x
+        out = np.empty((len(self.surface), 3), np.float32)
+        self.surface.follow(x, _NOWHERE, out)
         return out
 
     def seen(self, origin: FloatArray, out: SingleArray | None = None) -> SingleArray:
@@ -301,6 +313,7 @@ class Worn(Piece):
         self.state.v[free:] = 0.0
         self.good.assign(self.state)
         self.on_its_way.end()
+        self.going_over.end()
         self.aside.forget()
         self._forget()
 
@@ -326,6 +339,8 @@ class Worn(Piece):
         health.let_go = 0 if self.letting_go is None else self.letting_go.count
         if self.on_its_way.left > 0.0:
             self.on_its_way.go(time, self.frames.world(colliders.end))
+        if self.going_over.left > 0.0:
+            self.going_over.go(time, self.frames.world(colliders.end))
         if aside:
             keep = max(self.model.material.thickness, colliders.thickness)
             met = self.workspace.contacts, self.workspace.guard.kept, colliders
@@ -360,25 +375,6 @@ def _held_as_shown(given: GarmentLike) -> IntArray:
     if given.stitches is not None:
         stays[:] = True
     return np.flatnonzero(stays).astype(np.int32)
-
-
-def _simulated(
-    given: GarmentLike, detail: float
-) -> tuple[GarmentLike, Surface | None, tuple[str, ...]]:
-    """What of a garment is simulated, all its vertices over it, and why it is not as asked."""
-    if detail >= 1.0:
-        return given, None, ()
-    if given.stitches is not None:
-        return given, None, ("detail: all vertices are simulated: it is being sewn",)
-    try:
-        made = coarser(given, detail)
-    except GeometryError as error:
-        return given, None, (f"detail: all vertices are simulated: {error}",)
-    if made is None:
-        return given, None, ()
-    asked, has = fewest(given, detail), len(made[0].vertices)
-    more = f"detail: {has} instead of {asked} vertices are simulated: so few cannot tell its shape"
-    return (*made, (more,) if has > _ROUNDED * asked else ())
 
 
 def _constraints(

@@ -43,6 +43,7 @@ class Walker:
             avatar.colliders,
             preset="balanced",
             settings=level.settings(XpbdSettings()),
+            detail=level.detail,
         )
         self._strain = [(StrainMeter(view.model), view.state) for view in self.simulation]
         self.times: list[float] = []

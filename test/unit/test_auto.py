@@ -16,7 +16,7 @@ from garment_sim_ros.sim.auto.pacer import Pacer
 
 BALL = gs.ColliderSet.of(gs.sphere(0.1))
 AT_FIRST = [level.name for level in LEVELS].index(START)
-COST = np.array([3.0, 3.1, 3.3, 4.0, 5.0, 5.5, 6.5, 8.0])
+COST = np.array([2.0, 3.0, 3.1, 3.3, 4.0, 5.0, 5.5, 6.5, 8.0])
 
 
 @pytest.fixture(autouse=True)
@@ -42,6 +42,7 @@ def test_its_ends_are_the_solvers_of_fast_and_accurate():
         said = preset_values(name, "cloth_node")
         assert level.sub_steps == round(FRAME / said["sub_step"])
         assert level.search_every == said["search_every"]
+        assert level.detail == said.get("detail", 1.0)
 
 
 def test_a_level_is_set_whatever_else_is_set_meanwhile():
@@ -50,7 +51,7 @@ def test_a_level_is_set_whatever_else_is_set_meanwhile():
     before = worn.parameters.environment
     pacer.frame(1.0, behind=True)
     settings = worn.parameters.settings
-    assert (pacer.number, pacer.changes, pacer.cause) == (0, 1, "the cloth is behind")
+    assert (pacer.number, pacer.changes, pacer.cause) == (1, 1, "the cloth is behind")
     assert settings.sub_step == FRAME / 9
     assert settings.search_every == 9
     assert settings.strain_limit == 0.2
@@ -62,6 +63,22 @@ def test_a_level_is_set_whatever_else_is_set_meanwhile():
     pacer.apply()
     assert worn.parameters.settings.sub_step == FRAME / 9
     assert worn.parameters.environment.gravity[2] == -1.0
+
+
+def test_only_the_lowest_level_simulates_fewer_vertices_and_none_more_than_asked_for():
+    assert [level.detail for level in LEVELS] == [0.25] + [1.0] * (len(LEVELS) - 1)
+    for most, lowest in ((1.0, 0.25), (0.5, 0.25), (0.2, 0.2)):
+        sheet = gs.Garment.sheet(1.0, 1.0, edge=0.05)
+        worn = gs.Simulation(sheet, BALL, detail=most)
+        pacer, (view,) = Pacer(worn, 5.0), worn
+        asked = len(view.model)
+        worn.step()
+        found = []
+        for _ in range(2):
+            pacer.frame(1.0, behind=True)
+            found.append((pacer.number, worn.detail, len(view.model)))
+        fewer = gs.Simulation(sheet, BALL, detail=lowest)["sheet"].model
+        assert found == [(1, most, asked), (0, lowest, len(fewer))]
 
 
 def test_a_change_moves_no_vertex():
@@ -139,7 +156,7 @@ def test_a_measured_front_is_used_until_something_changes(monkeypatch):
         COST * np.nan,
         COST * 1e-9,
         -COST,
-        COST * np.array([1e-2, 1, 1, 1, 1, 1, 1, 1]),
+        COST * np.array([1e-2, 1, 1, 1, 1, 1, 1, 1, 1]),
         np.full(len(COST), np.inf),
     ],
 )

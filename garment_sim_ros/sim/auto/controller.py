@@ -53,6 +53,7 @@ class Controller:
         budget: Longest time that a frame may take [ms].
         rate: Of the frames [Hz].
         start: Level at first.
+        shelter: Level that it falls to where the cloth is behind, unless it is there or lower.
 
     Attributes:
         level: The level now.
@@ -60,12 +61,14 @@ class Controller:
         patience: Time that it waits before a climb to each level [s].
     """
 
-    def __init__(self, costs: Sequence[float], budget: float, rate: float, start: int) -> None:
+    def __init__(
+        self, costs: Sequence[float], budget: float, rate: float, start: int, shelter: int = 0
+    ) -> None:
         self.level = start
         self.budget = budget
         self.patience = [PATIENCE[0]] * len(costs)
         self._costs = tuple(costs)
-        self._rate = rate
+        self._rate, self._shelter = rate, shelter
         self._keep = math.exp(-1.0 / (MEMORY * rate))
         self._since_change = 0
         self._climbed = False
@@ -82,7 +85,8 @@ class Controller:
         """
         self._since_change += 1
         if behind and self.level > 0:
-            return self._fall(0, "the cloth is behind")
+            lowest = self._shelter if self.level > self._shelter else 0
+            return self._fall(lowest, "the cloth is behind")
         if self._since_change <= _UNCOUNTED:
             return None
         took = waited + work

@@ -88,5 +88,5 @@ def _checked(found: dict[str, np.ndarray]) -> FloatArray:
 def _key() -> str:
     """What costs depend on."""
     versions = (VERSION, platform.python_version(), np.__version__, numba.__version__)
-    levels = repr([(lv.name, lv.sub_steps, lv.search_every) for lv in LEVELS])
+    levels = repr([(lv.name, lv.sub_steps, lv.search_every, lv.detail) for lv in LEVELS])
     return " ".join([processor(), *versions, code_digest("sim", "contact"), levels])

@@ -57,21 +57,22 @@ class ColliderMotion:
         self._shift = np.zeros(3, np.float32)
         self.state = ColliderState.of(colliders, T_world_rest)
 
-    def check(self, poses: ColliderPoses) -> None:
-        """Whether poses can be used.
+    def check(self, *of_all: ColliderPoses) -> None:
+        """Whether all of these poses can be used.
 
         Raises:
             MessageError: They cannot; the reason is named.
         """
         n = len(self._set)
-        if poses.position.shape != (n, 3) or poses.orientation.shape != (n, 4):
-            raise MessageError(
-                "pose_count",
-                f"found positions of shape {poses.position.shape} and orientations of shape "
-                f"{poses.orientation.shape}; the collider set has {n} colliders",
-            )
-        if not usable(poses.position, poses.orientation, _WORLD_SIZE, _OFF_UNIT):
-            self._refuse(poses)
+        for poses in of_all:
+            if poses.position.shape != (n, 3) or poses.orientation.shape != (n, 4):
+                raise MessageError(
+                    "pose_count",
+                    f"found positions of shape {poses.position.shape} and orientations of shape "
+                    f"{poses.orientation.shape}; the collider set has {n} colliders",
+                )
+            if not usable(poses.position, poses.orientation, _WORLD_SIZE, _OFF_UNIT):
+                self._refuse(poses)
 
     def _refuse(self, poses: ColliderPoses) -> None:
         """Names what is wrong with poses of the right number."""
