@@ -28,7 +28,7 @@ class HullSettings:
 
     delta: float = parameter(
         0.003,
-        "Inflation of all shapes.",
+        "Inflation: how far all shapes are grown outwards.",
         unit="m",
         minimum=0.0,
         maximum=0.05,
@@ -43,8 +43,8 @@ class HullSettings:
     )
     reach: float = parameter(
         3.0,
-        "Largest distance of a simplified hull outside the planes of the un-inflated hull, in "
-        "deltas.",
+        "Largest distance that a simplified hull may reach out of the planes of the un-inflated "
+        "hull, as a multiple of delta.",
         minimum=1.0,
         maximum=100.0,
         needs=_ON_HULLS,
@@ -58,16 +58,16 @@ class HullSettings:
     )
     deletion: str = parameter(
         "any",
-        "What is deleted to simplify a hull. any: triangles and edges, in turns with better "
-        "places for what is left; triangles: whole triangles, the cheapest first, and nothing "
-        "else, as in the paper.",
+        "What is deleted to simplify a hull. any: triangles and edges, in turns with moving the "
+        "vertices that are left to better places; triangles: whole triangles, the cheapest first, "
+        "and nothing else, as in Sun et al. 2007.",
         choices=("any", "triangles"),
         needs=_ON_HULLS,
     )
     inflation: str = parameter(
         "vertices",
-        "Inflation by delta. vertices: moves the vertices, as in the paper; planes: moves the "
-        "faces, by the whole delta.",
+        "Inflation by delta. vertices: moves the vertices, as in Sun et al. 2007; planes: moves "
+        "the faces, by the whole delta.",
         choices=("vertices", "planes"),
         needs=_ON_HULLS,
     )
@@ -90,15 +90,14 @@ class HullSettings:
         "auto",
         "Colliders at joints. auto: spheres inside the skin that turn by half the joint's "
         "rotation, hulls where gaps remain, and all hulls grown to skin that leaves them in "
-        "motion; spheres: the paper's, which contain all skin that "
-        "bends; none.",
+        "motion; spheres: those of Sun et al. 2007, which contain all skin that bends; none.",
         choices=("auto", "spheres", "none"),
         needs=_ON_HULLS_AND_GRIDS,
     )
     flexible: float = parameter(
         0.001,
-        "Weight of the lesser side from which on skin bends with a joint and has to be in its "
-        "sphere.",
+        "Least skin weight with which skin counts as bending with a joint, so that the joint's "
+        "sphere contains it. Of the weights of the joint's two sides the lesser one counts.",
         minimum=0.001,
         maximum=0.49,
         needs=(needs("method", HULLS), needs("joints", "spheres")),
@@ -163,28 +162,28 @@ class EllipsoidSettings:
     segmentation: str = parameter(
         "auto",
         "How the body is divided into regions. rig: by the joints of the rig; surface: by the "
-        "surface alone; auto: rig where it has the joints, else surface; table1: by the paper's "
-        "constants; none: one region.",
+        "surface alone; auto: rig where it has the joints, else surface; table1: by the "
+        "constants of Table 1 of Gong et al. 2018; none: one region.",
         choices=("auto", "rig", "surface", "table1", "none"),
         needs=_ON_ELLIPSOIDS,
     )
     sex: str = parameter(
         "female",
-        "Column of the paper's table.",
+        "Column of Table 1 of Gong et al. 2018.",
         choices=("female", "male"),
         needs=(*_ON_ELLIPSOIDS, needs("segmentation", "table1")),
     )
     paths: str = parameter(
         "unfolded",
         "Geodesic distances that divide the body. unfolded: also straight across pairs of "
-        "triangles; edges: along edges only, as in the paper.",
+        "triangles; edges: along edges only, as in Gong et al. 2018.",
         choices=("unfolded", "edges"),
         needs=(*_ON_ELLIPSOIDS, needs("segmentation", "auto", "rig", "surface", "table1")),
     )
     cover: str = parameter(
         "triangles",
         "What is inside the ellipsoids. triangles: the whole skin; vertices: its vertices, as in "
-        "the paper, which leaves skin outside where ellipsoids meet.",
+        "Gong et al. 2018, which leaves skin outside where ellipsoids meet.",
         choices=("triangles", "vertices"),
         needs=_ON_ELLIPSOIDS,
     )
@@ -197,10 +196,16 @@ class EllipsoidSettings:
 class _ColliderKind:
     """The first of `ColliderOptions`."""
 
-    method: str = parameter(HULLS, "Kind of colliders.", choices=METHODS, aliases=METHOD_ALIASES)
+    method: str = parameter(
+        HULLS,
+        "Kind of colliders. mesh works with the solver relaxation only.",
+        choices=METHODS,
+        aliases=METHOD_ALIASES,
+    )
     thickness: float = parameter(
         0.002,
-        "Distance kept between cloth and collider surfaces, on top of delta.",
+        "Distance that cloth keeps from colliders, on top of delta: the larger of this and its "
+        "fabric's own thickness.",
         unit="m",
         minimum=0.0,
         maximum=0.1,

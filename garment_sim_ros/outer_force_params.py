@@ -73,7 +73,7 @@ class Environment:
     root_linear_inertia: float = parameter(
         1.0,
         "Fraction of the root's translation that the cloth feels. 1: simulation in the world; "
-        "0: simulation relative to the body, as in the first paper.",
+        "0: simulation relative to the body, as in Sun et al. 2007.",
         minimum=0.0,
         maximum=1.0,
     )

@@ -59,7 +59,8 @@ class Material:
     )
     thickness: float = parameter(
         0.002,
-        "Distance kept between cloth and collider surfaces.",
+        "Distance that cloth keeps from colliders: the larger of this and their own thickness. "
+        "Two garments keep the mean of theirs.",
         unit="m",
         minimum=0.0,
         maximum=0.1,
@@ -84,8 +85,8 @@ def _realtime_priority() -> int:
     """Declares it for a node that keeps a time."""
     return parameter(
         1,
-        "Real-time priority (round robin) of the thread that works at a rate, where the system "
-        "grants one; 0: none. While that thread uses most of a core it has none.",
+        "Real-time priority (round robin) of the node's thread, where the system grants one; "
+        "0: none. A thread that uses most of a core loses it for a while.",
         minimum=0,
         maximum=99,
     )
@@ -148,7 +149,8 @@ class _Avatar:
     )
     ground_feet: bool = parameter(
         True,
-        "Put on the ground what is there in the source: feet, without sliding, and what lies.",
+        "Keep on the ground what is on it in the source: feet that stand, without sliding, and "
+        "parts of a body that lies, sits or kneels.",
     )
     clear_arms: bool = parameter(
         True, "Turn arms about the shoulder out of hips, trunk and thighs that they are in."
@@ -168,7 +170,8 @@ class _Avatar:
     )
     outfit: str = parameter(
         "",
-        "Outfit file; what it says of colliders wins over the parameters of this node.",
+        "Outfit file; its settings of colliders win over the parameters of this node, but not "
+        "over a collider file.",
     )
 
 
@@ -181,8 +184,8 @@ class ColliderNodeParameters(ColliderOptions, _Avatar):
     )
     lossless: bool = parameter(
         False,
-        "Pose every message, which is reproducible: none is dropped, and what comes before the "
-        "skeleton is read and collider_poses has its subscribers is kept until then. "
+        "Pose every message of joint_states, so that runs are reproducible. Messages that come "
+        "before the skeleton is read and collider_poses has its subscribers are kept until then. "
         "joint_states have to be published reliably.",
     )
     wait_for_subscribers: int = parameter(
@@ -194,14 +197,16 @@ class ColliderNodeParameters(ColliderOptions, _Avatar):
     )
     time_jump: float = parameter(
         1.0,
-        "Jump between stamps above which time starts anew.",
+        "Difference between the stamps of two messages above which time starts anew, as where a "
+        "clip or a bag begins again.",
         unit="s",
         minimum=0.05,
         maximum=1e6,
     )
     stale_after: float = parameter(
         1.0,
-        "Time without input after which the node is STALE; then another publisher may take over.",
+        "Time without usable joint_states after which /diagnostics shows the node as STALE, and "
+        "another publisher may take over.",
         unit="s",
         minimum=0.05,
         maximum=1e6,
@@ -228,15 +233,16 @@ class ClothNodeParameters:
     attachments: str = parameter(
         "auto",
         "What holds garments for which the outfit says auto or nothing. auto: a few points on the "
-        "shoulders and a distance limit, or the waist; arms: points on shoulders and upper arms "
-        "and no distance limit, or the waist, as in the first paper.",
+        "shoulders and a distance limit; arms: points on shoulders and upper arms and no distance "
+        "limit, as in Sun et al. 2007. With both, a garment that does not reach the shoulders is "
+        "held at the waist.",
         choices=("auto", "arms"),
     )
     skinning: str = parameter(
         "linear",
         "How the skin that garments are measured against follows the bones. linear: mean of the "
-        "matrices; dual_quaternion; bone_blend: rotations are blended about the joint, as in the "
-        "first paper.",
+        "matrices; dual_quaternion; bone_blend: rotations are blended about the joint, as in Sun "
+        "et al. 2007.",
         choices=("linear", "dual_quaternion", "bone_blend"),
     )
     rate: float = parameter(
@@ -267,7 +273,7 @@ class ClothNodeParameters:
     solver_step: float = parameter(
         USUAL_STEP,
         "Fixed step of the cloth. A frame shows a whole number of steps, so long steps make the "
-        "motion uneven. With xpbd steps up to 1/60 s are simulated as one.",
+        "motion uneven. With xpbd as many steps as fit into 1/60 s are simulated as one.",
         unit="s",
         minimum=1e-4,
         maximum=0.5,
@@ -298,8 +304,8 @@ class ClothNodeParameters:
     )
     frame_budget_ms: float = parameter(
         0.0,
-        "Longest time that a frame may take, with what it waits for a core when it is due; preset "
-        "auto keeps to it by moving the solver's settings. 0: 70 % of the period.",
+        "Longest time that a frame may take, its wait for a free core included; preset auto keeps "
+        "to it by changing the solver's settings. 0: 70 % of the period.",
         unit="ms",
         minimum=0.0,
         maximum=1e4,
@@ -329,7 +335,8 @@ class ClothNodeParameters:
     )
     time_jump: float = parameter(
         1.0,
-        "Jump between stamps above which time starts anew.",
+        "Difference between the stamps of two messages above which time starts anew, as where a "
+        "clip or a bag begins again.",
         unit="s",
         minimum=0.05,
         maximum=1e6,
@@ -341,7 +348,8 @@ class ClothNodeParameters:
     )
     stale_after: float = parameter(
         1.0,
-        "Time without poses after which the node is STALE and stops publishing garments.",
+        "Time without usable collider_poses after which /diagnostics shows the node as STALE, the "
+        "node stops publishing garments, and another publisher may take over.",
         unit="s",
         minimum=0.05,
         maximum=1e6,

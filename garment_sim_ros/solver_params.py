@@ -20,9 +20,10 @@ class RelaxationSettings:
     contact: str = parameter(
         "union",
         "Contact method. union: particles are moved out of the union of all shapes; earliest: "
-        "each particle stops at its earliest hit (ellipsoids and spheres only), as in the second "
-        "paper; rays: shape after shape, each particle inside goes to the surface along the ray "
-        "from the inner origin or centre, and nothing else, as both papers begin (hulls, spheres "
+        "each particle stops at its earliest hit (ellipsoids and spheres only), as in Gong et al. "
+        "2018; rays: one shape after the other moves each particle inside of it to its surface, "
+        "along the ray from its inner origin or centre, and nothing else: no friction, no "
+        "thickness, as in Sun et al. 2007 and the simple case of Gong et al. 2018 (hulls, spheres "
         "and ellipsoids only).",
         choices=("union", "earliest", "rays"),
     )
@@ -42,9 +43,9 @@ class RelaxationSettings:
     )
     extras: bool = parameter(
         True,
-        "What the papers do not have: garments that are worn over each other are kept apart, "
-        "those that limbs stay in are wound back, and cloth is shown over the shapes between its "
-        "particles, too, with round creases.",
+        "Do what the papers (presets sun2007 and gong2018) do not: keep garments that are worn "
+        "over each other apart, take garments that a limb is stuck in back to an earlier state, "
+        "and show cloth outside of the shapes between its particles, too, with round creases.",
     )
 
 

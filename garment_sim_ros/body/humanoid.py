@@ -274,9 +274,9 @@ def overridden(
     for bone, joint in overrides.items():
         if bone not in HUMANOID_BONES:
             raise ParameterError(
-                "humanoid override",
-                f"unknown bone {bone!r}",
-                f"known: {', '.join(HUMANOID_BONES)}",
+                "bone names",
+                f"found the unknown bone {bone!r}",
+                f"allowed: {', '.join(HUMANOID_BONES)}",
             )
         if joint is None:
             mapping.pop(bone, None)
@@ -284,9 +284,9 @@ def overridden(
             mapping[bone] = joint
         else:
             raise ParameterError(
-                f"humanoid override {bone}",
-                f"the rig has no joint {joint!r}",
-                f"its joints: {', '.join(joint_names)}",
+                f"bone names: {bone}",
+                f"found {joint!r}, which is no joint of the rig",
+                f"allowed: {', '.join(joint_names)}",
             )
     return {bone: mapping[bone] for bone in HUMANOID_BONES if bone in mapping}
 
@@ -300,12 +300,12 @@ def load_humanoid_overrides(path: str | Path) -> dict[str, str | None]:
     allowed = "a YAML mapping of humanoid bone to joint name or null"
     content = read_yaml(path, limit=_MAX_OVERRIDE_BYTES)
     if not isinstance(content, dict):
-        raise InputFileError(path, f"holds a {type(content).__name__}", allowed)
+        raise InputFileError(path, f"holds a {type(content).__name__}", f"allowed: {allowed}")
     for bone, joint in content.items():
         if bone not in HUMANOID_BONES or not (joint is None or isinstance(joint, str)):
             raise InputFileError(
                 path,
                 f"entry {str(bone)[:60]!r}: {str(joint)[:60]!r} is not allowed",
-                f"{allowed}; bones: {', '.join(HUMANOID_BONES)}",
+                f"allowed: {allowed}; bones: {', '.join(HUMANOID_BONES)}",
             )
     return content

@@ -51,13 +51,17 @@ class Skeleton:
         """Measure a posed skeleton; `reference.values` being empty says that it is at rest."""
         if "hips" not in mapping:
             raise GeometryError(
-                f"{name}: no joint is known to be the hips; an override can say so"
+                f"{name}: no joint is known to be the hips; allowed: a YAML file of bone names "
+                "that maps hips to a joint"
             )
         marks = find_landmarks(rig, mapping, T_world_joint, reference)
         at_rest = not reference.values
         frames = anatomical_frames(marks, designed=at_rest)
         if not frames:
-            raise GeometryError(f"{name}: neither both hip joints nor both shoulders are known")
+            raise GeometryError(
+                f"{name}: neither both hip joints nor both shoulders are known; allowed: a YAML "
+                "file of bone names that maps the upper legs or the upper arms to joints"
+            )
         bones = {bone: rig.joint_names.index(joint) for bone, joint in mapping.items()}
         return cls(
             rig=rig,

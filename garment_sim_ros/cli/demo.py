@@ -32,9 +32,15 @@ _FEW_LATE = 0.05
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add = parser.add_argument
-    add("--seconds", metavar="S", type=float, default=8.0, help="to record (default: 8)")
+    add("--seconds", metavar="S", type=float, default=8.0, help="seconds to record (default: 8)")
     add_avatar_options(parser)
-    add("--out", metavar="DIR", type=Path, default=Path("out/demo"), help="default: out/demo")
+    add(
+        "--out",
+        metavar="DIR",
+        type=Path,
+        default=Path("out/demo"),
+        help="folder of bag, figures and pictures (default: out/demo)",
+    )
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:

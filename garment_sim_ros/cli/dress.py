@@ -64,25 +64,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--shortest-edge",
         metavar="M",
         type=float,
-        help="meshes anew with edges down to this where a mesh bends [m]; default: all are alike",
+        help="mesh anew, with edges down to this length where a mesh bends [m]; default: edges of "
+        "one length",
     )
     parser.add_argument(
         "--deviation",
         metavar="M",
         type=float,
-        help="how far edges may be from the mesh as it was, with --shortest-edge [m]",
+        help="how far triangles may be from the mesh as it was, with --shortest-edge [m]",
     )
     parser.add_argument("--unit", choices=tuple(UNITS), help="unit of meshes; default: m")
     parser.add_argument("--up", choices=UP_AXES, help="up axis of meshes; default: y")
     parser.add_argument(
         "--made-on", metavar="F", help="body that meshes were made for; default: the wearer"
     )
-    parser.add_argument("--preview", metavar="F.png", type=Path, help="picture; default: F.png")
+    parser.add_argument(
+        "--preview", metavar="F.png", type=Path, help="picture; default: --out with .png"
+    )
     parser.add_argument(
         "--steps", metavar="F.png", type=Path, help="picture of the pieces flat, placed and sewn"
     )
     parser.add_argument(
-        "--no-preview", action="store_true", help="draw no picture, which takes some seconds"
+        "--no-preview", action="store_true", help="draw no picture: drawing takes some seconds"
     )
     parser.add_argument(
         "--measures", action="store_true", help="also print the body's tape measurements"

@@ -15,7 +15,7 @@ from garment_sim_ros.colliders.fitting import METHODS, fitted
 from garment_sim_ros.colliders.report.fit_report import fit_report
 from garment_sim_ros.colliders.report.motion_report import SHOWS, motion_report
 from garment_sim_ros.contact.shapes import ColliderSet
-from garment_sim_ros.declaration import Declaration
+from garment_sim_ros.declaration import Declaration, in_yaml
 from garment_sim_ros.mocap.clip_poses import clip_poses
 from garment_sim_ros.mocap.clips import load_clip
 from garment_sim_ros.params import ColliderOptions, declarations, idle, validated
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--bone-names",
         metavar="F.yaml",
         default="",
-        help="humanoid bone to joint of the body, where names do not tell",
+        help="YAML file that maps humanoid bones to joints of the body; default: by name",
     )
     parser.add_argument(
         "--method",
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         group = parser.add_argument_group(f"of the method {name}")
         for own, declared in declarations(method.settings).items():
             _add(group, f"--{own.replace('_', '-')}", declared)
-    parser.add_argument("--out", metavar="F.json", type=Path, required=True, help="result")
+    parser.add_argument("--out", metavar="F.json", type=Path, required=True, help="collider file")
     parser.add_argument(
         "--clip",
         metavar="F",
@@ -65,9 +65,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _add(group: argparse._ArgumentGroup, flag: str, declared: Declaration) -> None:
     """One option of a parameter group."""
-    text = f"{declared.described} {declared.allowed}; default {declared.default}".replace(
-        "%", "%%"
-    )
+    default = in_yaml(declared.default)
+    text = f"{declared.described} {declared.allowed}; default {default}".replace("%", "%%")
     if declared.type is bool:
         action = argparse.BooleanOptionalAction
         group.add_argument(flag, action=action, default=declared.default, help=text)

@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="draw the outfit as it is put on, and what holds it, by name",
     )
-    add("--solver-step", metavar="S", type=float, help="[s]; default: the preset's or solver's")
+    add("--solver-step", metavar="S", type=float, help="[s]; default: the preset's or node's")
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:

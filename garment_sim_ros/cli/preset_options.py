@@ -15,7 +15,7 @@ def add_preset_options(parser: argparse.ArgumentParser) -> None:
         "--preset",
         metavar="P",
         default=default,
-        help=f"{', '.join(PRESETS)} (default: {default})",
+        help=f"set of parameters: {', '.join(PRESETS)} (default: {default})",
     )
     parser.add_argument(
         "--set",

@@ -47,7 +47,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         raise ParameterError("--avatars", f"found {args.avatars}", f"allowed: 1 to {_MOST}")
     if args.humans and (args.avatars != 1 or args.namespace):
         raise ParameterError(
-            "--humans", "found with --avatars or --namespace", "allowed: bodies have their own"
+            "--humans",
+            "found with --avatars or --namespace",
+            "allowed: without them, as each body has its own namespace",
         )
     if args.seconds is not None and not 0.0 < args.seconds <= 1e9:
         raise ParameterError("--seconds", f"found {args.seconds:g}", "allowed: above 0, to 1e9")

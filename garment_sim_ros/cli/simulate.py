@@ -52,7 +52,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--bone-names", metavar="F", default="", help="YAML file of the clip's bones")
     add("--outfit", metavar="F", default="", help="outfit YAML (default: T-shirt, short skirt)")
     add(
-        "--seconds", metavar="S", type=float, help="of a clip, from its start; looped where longer"
+        "--seconds",
+        metavar="S",
+        type=float,
+        help="length, with --clip; a shorter clip is looped; default: once through the clip",
     )
     add("--rate", metavar="HZ", type=float, default=0.0, help="of a clip; default: its own")
     add("--namespace", metavar="NS", help="of the avatar in a bag; default: the first")
@@ -77,10 +80,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--resume",
         action="store_true",
-        help="leave recordings that are there and whole; one that is interrupted is kept, and "
-        "gone on with from its last whole second",
+        help="keep recordings in --out that are complete, and go on with interrupted ones from "
+        "their last whole second",
     )
-    add("--verify", metavar="BAG", help="simulate what simulate wrote again and compare")
+    add("--verify", metavar="BAG", help="simulate a recording of this command again and compare")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

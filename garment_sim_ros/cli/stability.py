@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--only",
         metavar="TEXT",
         action="append",
-        help="only cells with this in their name: 'wind'; may be repeated",
+        help="only cells (one extreme each) with this in their name: 'wind'; may be repeated",
     )
     add("--seed", type=int, default=1, help="of the cells that are drawn at random")
     add("--list", action="store_true", help="name the cells and run none")
@@ -87,7 +87,11 @@ def _chosen(args: argparse.Namespace) -> list[Cell]:
     every, texts = list(cells(args.seed)), args.only or [""]
     for text in texts:
         if not any(text in cell.name for cell in every):
-            raise ParameterError("--only", f"found {text!r}", "allowed: see --list")
+            raise ParameterError(
+                "--only",
+                f"found {text!r}, which is in no cell's name",
+                "allowed: a part of a name that --list prints",
+            )
     return [cell for cell in every if any(text in cell.name for text in texts)]
 
 

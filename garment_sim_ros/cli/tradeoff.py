@@ -39,10 +39,15 @@ from garment_sim_ros.version import VERSION
 
 EXAMPLE = "garment-sim tradeoff drape hung walk --out out/tradeoff"
 _PRESETS = tuple(name for name in PRESETS if name != "auto")
-_OF_PRESETS = "as a node runs it; the grid is measured beside them where --solver is given"
-_OF_VARY = "a parameter of solver or colliders as an axis; may be repeated"
+_OF_PRESETS = (
+    "measure these as nodes run them, and no grid of settings unless --solver is given, too"
+)
+_OF_VARY = "values of a parameter of solver or colliders to measure; may be repeated"
 _OF_HALVING = "all settings on a part of the motion first, the better half on more of it"
-_OF_PRICES = "what each feature, or each of these, costs and removes beside --preset or balanced"
+_OF_PRICES = (
+    "measure instead what each feature, or each of these, costs in time and removes in errors, "
+    "from --preset or balanced"
+)
 _COST, _ERROR, _GAP = "hot_ms", "trajectory_mm", "gap_mm"
 
 
@@ -56,21 +61,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--membrane", choices=MEMBRANES, action="append", help="springs if none; may be repeated")
     add("--preset", choices=_PRESETS, nargs="+", default=[], help=_OF_PRESETS)
     add("--vary", type=_axis, action="append", default=[], metavar="NODE.PARAM=V,V", help=_OF_VARY)
-    add("--sub-steps", type=_count, nargs="+", default=[], help="in a frame, of every solver")
-    add("--passes", type=_count, nargs="+", default=[], help="sweeps or iterations in each")
+    add("--sub-steps", type=_count, nargs="+", default=[], help="sub-steps of a frame to measure")
+    add("--passes", type=_count, nargs="+", default=[], help="sweeps or iterations of a sub-step")
     add("--halving", action="store_true", help=_OF_HALVING)
     add("--seconds", type=float, default=0.0, help="of each motion at most; 0: all")
     add("--repeats", type=_count, default=3, help="how often each motion is timed")
-    add("--jobs", type=_count, default=1, help="processes; times hold with 1 alone")
+    add("--jobs", type=_count, default=1, help="processes; times are right with 1 only")
     add("--prices", choices=tuple(FEATURES), nargs="*", metavar="FEATURE", help=_OF_PRICES)
-    add("--calibrate", action="store_true", help="this machine's own front, for preset auto")
+    add("--calibrate", action="store_true", help="measure this machine, for preset auto")
     add("--list", action="store_true", help="name the scenes and run none")
 
 
 def _count(text: str) -> int:
-    value = int(text)
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
     if value < 1:
-        raise ValueError(text)
+        raise argparse.ArgumentTypeError(f"found {text[:60]!r}; allowed: a whole number from 1")
     return value
 
 

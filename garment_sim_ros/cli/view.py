@@ -24,7 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--body",
         metavar="F",
-        help="the body; none leaves it out; default: what cloth_node says, with a bag mannequin",
+        help="body file, or none to leave the body out; default: the body of the running "
+        "cloth_node, with BAG mannequin",
     )
     add("--bone-names", metavar="F", default="", help="YAML file of the body's bones")
     add("--frame-id", metavar="ID", default="world", help="of a running avatar (default: world)")

@@ -58,7 +58,7 @@ class WalkOptions:
         choices=("circle", "straight", "in_place"),
     )
     strides: int = parameter(
-        9, "Length of the clip in strides; 9 make a circle of 2 m.", minimum=4, maximum=1000
+        9, "Length of the clip in strides; 9 make a circle of 2 m radius.", minimum=4, maximum=1000
     )
 
 

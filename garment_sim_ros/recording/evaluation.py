@@ -60,7 +60,11 @@ def evaluate(
     garments = load_outfit(outfit, avatar, colliders=colliders, attachments=attachments).garments
     shown = figures(recording, avatar)
     if len(shown) < 2:
-        raise InputFileError(bag, "fewer than 2 whole frames", "record for longer")
+        raise InputFileError(
+            bag,
+            f"has {len(shown)} frames of all garments",
+            "needed: 2 or more, from a longer recording",
+        )
     summary = summarize(
         recording,
         avatar,

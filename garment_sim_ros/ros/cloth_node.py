@@ -192,7 +192,7 @@ class ClothNode(ManagedNode[ClothNodeParameters]):
             self._stepper.simulation.parameters = forces
             self._pace.apply()
         except ParameterError as error:
-            self.get_logger().warning(f"not used: {error}")
+            self.get_logger().warning(f"the new parameters are not used: {error}")
 
     def _forces(self) -> Parameters:
         return Parameters(environment=self._environment.values, settings=self._settings.values)

@@ -188,7 +188,11 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
         elif len(self._kept) < _MOST_KEPT:
             self._kept.append(message)
         else:
-            raise MessageError("not_followed", f"{_MOST_KEPT} are kept; allowed: as many")
+            raise MessageError(
+                "not_followed",
+                f"over {_MOST_KEPT} messages wait for a skeleton and for subscribers of "
+                f"{COLLIDER_POSES.name}; allowed: up to {_MOST_KEPT}",
+            )
 
     def _take_joints(self, message: Taken) -> None:
         joints = self._reader.read(message.data)
@@ -209,7 +213,7 @@ class ColliderNode(ManagedNode[ColliderNodeParameters]):
             shown = ", ".join(unknown[:_SHOWN])
             self.rejections.add(
                 JOINT_STATES.name,
-                MessageError(UNKNOWN, f"{shown}; allowed: those of robot_description"),
+                MessageError(UNKNOWN, f"found {shown}; allowed: joints of robot_description"),
             )
         if channels.is_complete:
             self._publish(stamp)

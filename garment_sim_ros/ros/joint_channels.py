@@ -47,7 +47,7 @@ class JointChannels:
         known = [i for i, name in enumerate(joints.names) if name in self._channel]
         if not known:
             found = ", ".join(joints.names[:_SHOWN]) or "no names"
-            raise MessageError(UNKNOWN, f"found {found}; allowed: those of robot_description")
+            raise MessageError(UNKNOWN, f"found {found}; allowed: joints of robot_description")
         self._from = np.array(known, dtype=np.intp)
         self._to = np.array([self._channel[joints.names[i]] for i in known], dtype=np.intp)
         self._last_names = joints.names

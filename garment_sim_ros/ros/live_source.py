@@ -292,7 +292,8 @@ class LiveSource:
             return  # their description is on its way
         if len(found.poses.position) != len(self.colliders):
             raise MessageError(
-                "pose_count", f"{len(found.poses.position)} poses of {len(self.colliders)}"
+                "pose_count",
+                f"found {len(found.poses.position)} poses; allowed: {len(self.colliders)}",
             )
         if len(self._buffer) and found.stamp <= self._buffer.newest[0]:
             self._buffer.clear()  # time began anew

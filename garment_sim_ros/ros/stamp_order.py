@@ -83,7 +83,8 @@ class StampOrder:
             self._old.append(stamp)
             if len(self._old) < _FEWEST or stamp - self._old[0] < _RUN:
                 raise MessageError(
-                    BACKWARDS, f"{1e-9 * step:+.3f} s from the newest; allowed: newer"
+                    BACKWARDS,
+                    f"stamp is {1e-9 * step:+.3f} s from the newest one; allowed: above 0 s",
                 )
             return self._jump(stamp)
         if before is not None and 0 < stamp - before <= self._limit:
@@ -91,8 +92,8 @@ class StampOrder:
         self._elsewhere = stamp
         raise MessageError(
             JUMP,
-            f"{1e-9 * step:+.3f} s from the newest; allowed: to {1e-9 * self._limit:g} s, or "
-            "farther with the next one",
+            f"stamp is {1e-9 * step:+.3f} s from the newest one; allowed: up to time_jump, "
+            f"{1e-9 * self._limit:g} s, or farther if the next message agrees",
         )
 
     def _jump(self, stamp: int) -> bool:

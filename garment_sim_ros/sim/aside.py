@@ -112,12 +112,6 @@ class Aside:
             self.over_skin.look(self._x, *met, time)
             self.off += self.over_skin.lift
 
-    def take_over(self, before: "Aside") -> None:
-        """Shows all as much off its place as it was of the same garment, simulated otherwise."""
-        self.off[:], self.over.lift[:] = before.off, before.over.lift
-        if self.over_skin is not None and before.over_skin is not None:
-            self.over_skin.take_over(before.over_skin)
-
     def forget(self) -> None:
         """Shows all in its place until the next look."""
         self.off[:] = 0.0

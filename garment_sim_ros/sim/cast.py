@@ -154,7 +154,7 @@ def _size(worn: Worn) -> int:
 
 
 def _go_on(worn: Worn, before: Worn, colliders: ColliderState) -> SingleArray:
-    """Puts a garment where the same one is, with its counts and its look; its velocities."""
+    """Puts a garment where the same one is, with its counts; the velocities that it had."""
     origin = colliders.origin
     before.on_its_way.end()
     x = worn.of_simulated(before.simulated(origin).astype(np.float64))
@@ -165,5 +165,4 @@ def _go_on(worn: Worn, before: Worn, colliders: ColliderState) -> SingleArray:
     worn.good.assign(worn.state)
     worn.measure()
     worn.health = before.health
-    worn.aside.take_over(before.aside)
     return v[worn.model.vertex].astype(np.float32)

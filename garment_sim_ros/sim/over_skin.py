@@ -112,10 +112,6 @@ class OverSkin:
             stay_out(self.lift, particle, contacts)
         keep_short(x, *self._edges, self.lift)
 
-    def take_over(self, before: "OverSkin") -> None:
-        """Goes on where what lifted the same vertices was."""
-        self._lifted[:], self.lift[:] = before._lifted, before.lift
-
     def forget(self) -> None:
         """Shows all in its place until the next look."""
         self._lifted[:] = self.lift[:] = 0.0

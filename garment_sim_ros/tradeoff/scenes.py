@@ -272,7 +272,10 @@ def scene_named(name: str) -> Scene:
     if name not in SCENES:
         raise ParameterError("scene", f"found {name!r}", f"allowed: {', '.join(SCENES)}")
     if SCENES[name].absent:
-        raise ParameterError("scene", f"{name!r}: {SCENES[name].absent}", "allowed: what is there")
+        there = ", ".join(n for n, scene in SCENES.items() if not scene.absent)
+        raise ParameterError(
+            "scene", f"found {name!r}: {SCENES[name].absent}", f"allowed: {there}"
+        )
     return SCENES[name]
 
 

@@ -116,9 +116,9 @@ def test_python_keeps_a_budget_and_only_then(monkeypatch):
     [
         ({"preset": "fast"}, "frame_budget_ms: does nothing with preset fast; allowed with: auto"),
         ({}, "frame_budget_ms: does nothing with preset None; allowed with: auto"),
-        ({"preset": "auto", "sub_step": 0.001}, "sub_step: is what preset auto moves; allowed: "),
-        ({"preset": "auto", "search_every": 2}, "search_every: is what preset auto moves; allow"),
-        ({"preset": "auto", "solver": "implicit"}, "solver: is not what preset auto moves; allow"),
+        ({"preset": "auto", "sub_step": 0.001}, "sub_step: found 0.001, but preset auto con"),
+        ({"preset": "auto", "search_every": 2}, "search_every: found 2, but preset auto con"),
+        ({"preset": "auto", "solver": "implicit"}, "solver: found 'implicit', which preset au"),
         ({"preset": "auto", "frame_budget_ms": -1.0}, "frame_budget_ms: found -1.0; allowed: a "),
     ],
 )

@@ -165,7 +165,7 @@ def test_overrides_win():
     assert bones["leftUpperLeg"] == "link6"
     assert "head" not in bones
     assert bones["rightUpperLeg"] == "link16"
-    with pytest.raises(ParameterError, match="the rig has no joint 'thigh'"):
+    with pytest.raises(ParameterError, match="found 'thigh', which is no joint of the rig"):
         humanoid_of_rig(rig, {"leftUpperLeg": "thigh"})
 
 

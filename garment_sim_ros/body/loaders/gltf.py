@@ -144,7 +144,9 @@ def _weights(file: GltfFile, attributes: dict[str, Any], count: int, joints: int
         j = file.accessor(attributes, f"JOINTS_{n}", "VEC4").astype(np.int64)
         w = file.accessor(attributes, f"WEIGHTS_{n}", "VEC4").astype(np.float64)
         if len(j) != count or len(w) != count:
-            raise file.error(f"has {len(j)} JOINTS_{n} and {len(w)} WEIGHTS_{n}", f"{count} each")
+            raise file.error(
+                f"has {len(j)} JOINTS_{n} and {len(w)} WEIGHTS_{n}", f"allowed: {count} each"
+            )
         vertex.append(np.repeat(np.arange(count), 4))
         joint.append(j.ravel())
         weight.append(w.ravel())

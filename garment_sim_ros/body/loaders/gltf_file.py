@@ -200,7 +200,9 @@ class GltfFile:
         self._decoded[index] = values
         self.size += values.nbytes
         if self.size > MAX_FILE_BYTES:
-            raise self.error(f"has {self.size} bytes of data", f"allowed: {MAX_FILE_BYTES}")
+            raise self.error(
+                f"has {self.size} bytes of data", f"allowed: at most {MAX_FILE_BYTES}"
+            )
 
     def _glb_json(self, data: bytes) -> bytes:
         if len(data) < 20:
@@ -313,5 +315,7 @@ class GltfFile:
         path = Path(self.path).parent / name
         self.size += checked_size(path)
         if self.size > MAX_FILE_BYTES:
-            raise self.error(f"has {self.size} bytes of data", f"allowed: {MAX_FILE_BYTES}")
+            raise self.error(
+                f"has {self.size} bytes of data", f"allowed: at most {MAX_FILE_BYTES}"
+            )
         return read_bytes(path)

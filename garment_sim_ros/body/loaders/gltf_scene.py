@@ -108,7 +108,9 @@ class Scene:
             q = np.array([0.0, 0.0, 0.0, 1.0])
         length = np.linalg.norm(q)
         if not 1e-6 <= length <= 1e6:
-            raise file.error(f"node {n} has the rotation {q.tolist()}", "unit quaternion")
+            raise file.error(
+                f"node {n} has the rotation {q.tolist()}", "allowed: a unit quaternion"
+            )
         return (
             np.zeros(3) if translation is None else translation,
             q / length,

@@ -108,7 +108,8 @@ def _skin(file: GltfFile, index: int) -> tuple[list[int], FloatArray]:
     if not 0 < len(joints) <= MAX_JOINTS:
         raise file.error(f"skin {index} has {len(joints)} joints", f"allowed: 1 to {MAX_JOINTS}")
     if not all(0 <= j < count for j in joints):
-        raise file.error(f"skin {index} names a node that is not there", f"0 to {count - 1}")
+        wrong = next(j for j in joints if not 0 <= j < count)
+        raise file.error(f"skin {index} names the node {wrong}", f"allowed: 0 to {count - 1}")
     if "inverseBindMatrices" not in skin:
         return joints, np.tile(np.eye(4), (len(joints), 1, 1))
     matrices = file.accessor(skin, "inverseBindMatrices", "MAT4").astype(np.float64)

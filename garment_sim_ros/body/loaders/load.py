@@ -86,7 +86,7 @@ def _mannequin(text: str) -> Body:
             number = float(value)
         except ValueError:
             raise ParameterError(
-                f"mannequin:{key}", f"found {value!r}", "allowed: a number"
+                f"mannequin:{key}", f"found {value!r}", known[key].allowed
             ) from None
         values[key] = number
     options = validated(MannequinOptions, values)

@@ -78,7 +78,9 @@ class MeshFinder:
             return next(filter(is_file, self._candidates(uri)))
         except (StopIteration, ValueError):
             raise InputFileError(
-                self.source, f"names the mesh {uri[:200]!r}, which is not there"
+                self.source,
+                f"names the mesh {uri[:200]!r}, which is not there",
+                "allowed: a file, or one of a package in AMENT_PREFIX_PATH or beside the URDF",
             ) from None
 
     def _candidates(self, uri: str) -> list[Path]:

@@ -25,9 +25,9 @@ def root_element(text: str, source: str) -> Element:
         InputFileError: Not XML, XML with a DTD, another document, or xacro not yet expanded.
     """
     if len(text) > MAX_TEXT:
-        raise InputFileError(source, f"has {len(text)} characters", f"allowed: {MAX_TEXT}")
+        raise InputFileError(source, f"has {len(text)} characters", f"allowed: at most {MAX_TEXT}")
     if text.count("<") > MAX_TAGS:
-        raise InputFileError(source, f"has {text.count('<')} tags", f"allowed: {MAX_TAGS}")
+        raise InputFileError(source, f"has {text.count('<')} tags", f"allowed: at most {MAX_TAGS}")
     try:
         parser = DefusedXMLParser(forbid_dtd=True)
         # In pieces: while one is parsed, no other thread of the process runs.

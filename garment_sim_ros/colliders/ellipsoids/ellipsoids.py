@@ -187,9 +187,8 @@ def segment_body(
         ParameterError: ``none``, ``rig`` without named joints, or an unknown segmentation.
     """
     if segmentation not in SEGMENTATIONS or segmentation == "none":
-        raise ParameterError(
-            "segmentation", f"found {segmentation!r}", "allowed: one with regions"
-        )
+        regions = ", ".join(name for name in SEGMENTATIONS if name != "none")
+        raise ParameterError("segmentation", f"found {segmentation!r}", f"allowed: {regions}")
     return segment(
         body.skin.vertices,
         body.skin.triangles,
@@ -203,7 +202,11 @@ def segment_body(
 def _joints(body: Body, segmentation: str) -> dict[str, FloatArray] | None:
     joints = rig_joints(body)
     if segmentation == "rig" and not joints:
-        raise ParameterError("segmentation", "found 'rig'", "the body's rig names no joint")
+        raise ParameterError(
+            "segmentation",
+            "found 'rig' with a body of which no joint is known",
+            "allowed: auto or surface, or a YAML file of bone names",
+        )
     return joints if joints and segmentation in ("auto", "rig") else None
 
 

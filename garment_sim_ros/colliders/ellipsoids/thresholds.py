@@ -25,7 +25,9 @@ def parse_thresholds(text: str) -> dict[str, float]:
     for word in text.split():
         region, _, value = word.partition("=")
         if region not in REGIONS:
-            raise ParameterError("mu", f"region {region[:60]!r}", f"allowed: {', '.join(REGIONS)}")
+            raise ParameterError(
+                "mu", f"found the region {region[:60]!r}", f"allowed: {', '.join(REGIONS)}"
+            )
         try:
             mu = float(value)
         except ValueError:

@@ -6,6 +6,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from typing import Any, Protocol
 
+from garment_sim_ros.declaration import shown
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.params import XpbdSettings
 from garment_sim_ros.sim.auto.controller import Change, Controller
@@ -134,7 +135,10 @@ def check_solver(settings: Any) -> None:
         ParameterError: They are another solver's.
     """
     if not isinstance(settings, XpbdSettings):
-        raise ParameterError("solver", "is not what preset auto moves", "allowed with it: xpbd")
+        found = type(settings).__name__.removesuffix("Settings").lower()
+        raise ParameterError(
+            "solver", f"found {found!r}, which preset auto cannot control", "allowed: xpbd"
+        )
 
 
 def check_unmoved(given: Mapping[str, Any], usual: Mapping[str, Any]) -> None:
@@ -150,5 +154,7 @@ def check_unmoved(given: Mapping[str, Any], usual: Mapping[str, Any]) -> None:
     for name in MOVED:
         if given.get(name) != usual.get(name):
             raise ParameterError(
-                name, "is what preset auto moves", "allowed: to leave it out, or another preset"
+                name,
+                f"found {shown(given.get(name))}, but preset auto controls it",
+                "allowed: to leave it out, or another preset",
             )
