@@ -23,7 +23,8 @@ class GarmentQuality:
         self._name = name
         self._simulation = simulation
         self._watch = watch
-        self._strain = StrainMeter(simulation.model(name))
+        self._model = simulation.model(name)
+        self._strain = StrainMeter(self._model)
 
     def status(self, figures: dict[str, object], *, resets: int) -> DiagnosticStatus:
         """One frame's status.
@@ -33,6 +34,9 @@ class GarmentQuality:
             resets: Times all garments were put on anew.
         """
         health = self._simulation.health(self._name)
+        if (model := self._simulation.model(self._name)) is not self._model:
+            # Other vertices are simulated now.
+            self._model, self._strain = model, StrainMeter(model)
         strain = self._strain.read(self._simulation.state(self._name))
         values: dict[str, object] = {
             **figures,

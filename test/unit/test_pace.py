@@ -8,14 +8,18 @@ import pytest
 
 pytest.importorskip("rclpy")
 import garment_sim_ros as gs
+from garment_sim_ros.body.loaders.load import load_body
 from garment_sim_ros.errors import ParameterError
 from garment_sim_ros.params import ClothNodeParameters, ImplicitSettings, XpbdSettings
+from garment_sim_ros.recording.worn_watch import WornWatch
 from garment_sim_ros.ros import pace as module
 from garment_sim_ros.ros.cloth_stepper import ClothStepper
+from garment_sim_ros.ros.garment_quality import GarmentQuality
 from garment_sim_ros.ros.pace import Pace, check_pace
 from garment_sim_ros.sim.auto.levels import LEVELS, START
 from garment_sim_ros.sim.simulation import Simulation
 from garment_sim_ros.sim.solvers import longest_step
+from garment_sim_ros.sim.strain import StrainMeter
 
 SECOND = 10**9
 FRAME = SECOND // 60
@@ -227,3 +231,21 @@ def test_the_same_frames_give_the_same_cloth(monkeypatch):
         found.append(run.simulation.positions("sheet").tobytes())
     assert found[0] == found[1]
     assert np.isfinite(np.frombuffer(found[0], np.float32)).all()
+
+
+@pytest.mark.parametrize("share", [1.0, 0.25])
+def test_quality_tells_the_strain_of_what_is_simulated_now(share):
+    """Half of a sheet's edges are along x; that is made twice as wide."""
+    sheet = gs.Garment.sheet(1.0, 1.0, edge=0.05)
+    simulation = Simulation(sheet, gs.ColliderSet.of())
+    watch = WornWatch(simulation.collider_set, load_body("mannequin"), [sheet])
+    quality = GarmentQuality("sheet", simulation, watch)
+    simulation.step()
+    for now in (0.25, share):
+        simulation.detail = now
+        simulation.state("sheet").x[:, 0] *= 2.0
+        told = {v.key: float(v.value) for v in quality.status({}, resets=0).values}
+        strain = StrainMeter(simulation.model("sheet")).read(simulation.state("sheet"))
+        assert told["strain_p95"] == pytest.approx(strain.p95, abs=1e-3)
+        assert told["strain_max"] == pytest.approx(1.0, abs=0.05)
+        simulation.state("sheet").x[:, 0] /= 2.0
