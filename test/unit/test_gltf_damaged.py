@@ -97,7 +97,10 @@ def change(target, **values):
         (change(lambda b: b.json["nodes"][3], mesh=True), "mesh is True"),
         (change(lambda b: b.json["nodes"][3], skin=7), "skin is 7"),
         (change(lambda b: b.json["skins"][0], joints=[]), "0 joints"),
-        (change(lambda b: b.json["skins"][0], joints=[1, -2]), "not there"),
+        (
+            change(lambda b: b.json["skins"][0], joints=[1, -2]),
+            "skin 0 names the node -2; allowed: 0 to",
+        ),
         (change(lambda b: accessor_of(b, "POSITION"), count=10**15), "declares"),
         (change(lambda b: accessor_of(b, "POSITION"), count=10**7), "ends at byte"),
         (change(lambda b: accessor_of(b, "POSITION"), byteOffset=10**12), "ends at byte"),

@@ -109,7 +109,7 @@ def test_options_material_and_attachments(tmp_path, body):
         (SKIRT + "colour: red", "unknown key 'colour'; allowed: version, garments, colliders"),
         (SKIRT + "colliders: {method: boxes}", "method: found 'boxes'; allowed: hulls, capsules"),
         (SKIRT + "colliders: {delta: .nan}", "delta: found nan"),
-        (SKIRT + "colliders: {mu: tail=0.01}", "mu: region 'tail'; allowed: head"),
+        (SKIRT + "colliders: {mu: tail=0.01}", "mu: found the region 'tail'; allowed: head"),
         (SKIRT.replace("_skirt}", "_skirt, mu: head=-1}"), "garment 'skirt'.mu: found 'head=-1'"),
         (SKIRT.replace("_skirt}", "_skirt, mu: 0.03}"), "garment 'skirt'.mu: found 0.03"),
         (SKIRT + "  - {name: skirt, generator: tshirt}", "the name 'skirt' stands twice"),
