@@ -157,6 +157,7 @@ class Rewinding:
         """
         self.looked, self._next, self._gravity = before.looked, before._next, before._gravity
         self._at, self._then = before._at, before._then
+        self._limbs = before._limbs  # knows which parts of the body are neighbours
         for name, record in before._records.items():
             own = self._records[name]
             first = None if record.first is None else carry(name, record.first)

@@ -132,7 +132,7 @@ class Simulation(ByName):
 
     @detail.setter
     def detail(self, share: float) -> None:
-        self.prepare(share)
+        self.prepare(share := checked_detail(share))
         now = self._casts[share]
         before, self._cast, self._detail = getattr(self, "_cast", now), now, share
         if self._is_on and now is not before:
@@ -145,7 +145,7 @@ class Simulation(ByName):
 
     def prepare(self, share: float) -> None:
         """Makes what it takes to set `detail`, so that then no time passes for it."""
-        if checked_detail(share) not in self._casts:
+        if (share := checked_detail(share)) not in self._casts:
             at = self.collider_set, self._colliders, self._solver, self._T_world_rest
             self._casts[share] = Cast.of(self._garments, share, *at)
 

@@ -170,3 +170,20 @@ def test_shares_that_cannot_be_are_refused_and_change_nothing(share):
         simulation.detail = share
     assert simulation.detail == 1.0
     simulation.step()
+
+
+def test_which_parts_of_the_body_are_neighbours_stays_known(avatar, walking):
+    """Else what is pressed together then would count as neighbours, and excuse nothing."""
+    simulation = simulation_of(avatar)
+    for poses in walking[:20]:
+        simulation.step(poses)
+    known = simulation._cast.rewinding._limbs
+    change(simulation)
+    assert simulation._cast.rewinding._limbs is known
+
+
+def test_a_share_may_be_text_that_is_a_number():
+    simulation = gs.Simulation(gs.Garment.sheet(1.0, 1.0, edge=0.05), gs.ColliderSet.of())
+    simulation.prepare("0.25")
+    simulation.detail = "0.25"
+    assert simulation.detail == 0.25
