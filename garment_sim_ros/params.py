@@ -305,7 +305,8 @@ class ClothNodeParameters:
     frame_budget_ms: float = parameter(
         0.0,
         "Longest time that a frame may take, its wait for a free core included; preset auto keeps "
-        "to it by changing the solver's settings. 0: 70 % of the period.",
+        "to it by changing the solver's settings and, at last, the share of vertices. 0: 70 % of "
+        "the period.",
         unit="ms",
         minimum=0.0,
         maximum=1e4,

@@ -160,8 +160,12 @@ class Rewinding:
         self._limbs = before._limbs  # knows which parts of the body are neighbours
         for name, record in before._records.items():
             own = self._records[name]
-            first = None if record.first is None else carry(name, record.first)
-            if first is not None:
+            first = own.first
+            if record.first is not None and (
+                first is None or first.poses is not record.first.poses
+            ):
+                # Put on anew since this was last there: what is carried once is kept as it is.
+                first = carry(name, record.first)
                 own.openings.begin(first.x, first.poses)
             self._records[name] = replace(
                 record,

@@ -135,7 +135,7 @@ class Simulation(ByName):
         self.prepare(share := checked_detail(share))
         now = self._casts[share]
         before, self._cast, self._detail = getattr(self, "_cast", now), now, share
-        if self._is_on and now is not before:
+        if now is not before and (self._is_on or self.time > 0.0):
             self._motion.interpolate(self._at, self._at, 0.0, 1.0)
             step = partial(self._step, tuple(now.worn.values()), self.solver_step)
             watch = partial(self._watch, 0, self.solver_step)
@@ -144,7 +144,7 @@ class Simulation(ByName):
             self._view.setdefault(name, GarmentView(worn, self.origin)).worn = worn
 
     def prepare(self, share: float) -> None:
-        """Makes what it takes to set `detail`, so that then no time passes for it."""
+        """Makes what it takes to set `detail`; only what a step needs is made in the first one."""
         if (share := checked_detail(share)) not in self._casts:
             at = self.collider_set, self._colliders, self._solver, self._T_world_rest
             self._casts[share] = Cast.of(self._garments, share, *at)

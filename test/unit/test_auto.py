@@ -67,7 +67,7 @@ def test_a_level_is_set_whatever_else_is_set_meanwhile():
 
 def test_only_the_lowest_level_simulates_fewer_vertices_and_none_more_than_asked_for():
     assert [level.detail for level in LEVELS] == [0.25] + [1.0] * (len(LEVELS) - 1)
-    for most, lowest in ((1.0, 0.25), (0.5, 0.25), (0.2, 0.2)):
+    for most, lowest in ((1.0, 0.25), (0.5, 0.25)):
         sheet = gs.Garment.sheet(1.0, 1.0, edge=0.05)
         worn = gs.Simulation(sheet, BALL, detail=most)
         pacer, (view,) = Pacer(worn, 5.0), worn
@@ -79,6 +79,15 @@ def test_only_the_lowest_level_simulates_fewer_vertices_and_none_more_than_asked
             found.append((pacer.number, worn.detail, len(view.model)))
         fewer = gs.Simulation(sheet, BALL, detail=lowest)["sheet"].model
         assert found == [(1, most, asked), (0, lowest, len(fewer))]
+
+
+def test_where_so_few_vertices_are_asked_for_anyway_the_lowest_level_is_the_next_one():
+    worn = gs.Simulation(gs.Garment.sheet(1.0, 1.0, edge=0.05), BALL, detail=0.2)
+    pacer = Pacer(worn, 5.0)
+    worn.step()
+    assert pacer.frame(1.0, behind=True) == (AT_FIRST - 1, 0, "the cloth is behind")
+    assert (pacer.level.name, worn.detail) == (LEVELS[1].name, 0.2)
+    assert pacer.frame(1.0, behind=True) is None
 
 
 def test_a_change_moves_no_vertex():

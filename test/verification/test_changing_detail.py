@@ -172,6 +172,38 @@ def test_shares_that_cannot_be_are_refused_and_change_nothing(share):
     simulation.step()
 
 
+def test_what_was_put_on_is_not_worn_down_by_changes(avatar, walking):
+    """Each change would smooth it: what garments are put back to stays as it was."""
+    simulation = simulation_of(avatar)
+    kept = {}
+    for n, poses in enumerate(walking[:40]):
+        simulation.step(poses)
+        if n % 5 == 4:
+            change(simulation)
+            rewinding = simulation._cast.rewinding
+            for name in simulation.names:
+                first = rewinding.first(name)
+                at = kept.setdefault((name, simulation.detail), first.x.copy())
+                assert np.array_equal(first.x, at)
+                assert len(first.x) == len(simulation.model(name))
+    simulation.reset(walking[40])
+    change(simulation)
+    for name in simulation.names:
+        first = simulation._cast.rewinding.first(name).x
+        assert not np.array_equal(first, kept[name, simulation.detail])
+
+
+def test_cloth_that_was_never_put_on_stays_where_it_moved_to():
+    simulation = gs.Simulation(gs.Garment.sheet(1.0, 1.0, edge=0.05), gs.ColliderSet.of())
+    poses = simulation.collider_set.poses()
+    for _ in range(30):
+        simulation.advance(poses, poses, 1 / 60)
+    fallen = simulation["sheet"].positions
+    simulation.detail = FEW
+    assert fallen[:, 2].max() < -0.5
+    assert np.abs(simulation["sheet"].positions - fallen).max() < 1e-5
+
+
 def test_which_parts_of_the_body_are_neighbours_stays_known(avatar, walking):
     """Else what is pressed together then would count as neighbours, and excuse nothing."""
     simulation = simulation_of(avatar)

@@ -56,6 +56,8 @@ class Pacer:
     ) -> None:
         check_solver(simulation.parameters.settings)
         self._simulation, self._most = simulation, simulation.detail
+        # A level whose share is no less than that asked for is the next one, but for its cost.
+        levels = [lv for lv in levels if lv.detail == 1.0 or lv.detail < self._most]
         self._levels = tuple(levels)
         for share in details(simulation.detail, levels):
             simulation.prepare(share)
