@@ -6,6 +6,9 @@ import pytest
 import garment_sim_ros as gs
 from garment_sim_ros.params import Environment
 from garment_sim_ros.recording.metrics import GarmentMesh
+from garment_sim_ros.sim.cast import Cast
+from garment_sim_ros.sim.placement import rest_transforms
+from garment_sim_ros.sim.solvers import SOLVERS
 
 FEW = 0.25
 AT = (25, 70, 95)
@@ -172,25 +175,49 @@ def test_shares_that_cannot_be_are_refused_and_change_nothing(share):
     simulation.step()
 
 
-def test_what_was_put_on_is_not_worn_down_by_changes(avatar, walking):
-    """Each change would smooth it: what garments are put back to stays as it was."""
+@pytest.fixture(scope="module")
+def casts(avatar, walking):
+    """The same garments with all vertices and with few, put on; and how one takes over."""
     simulation = simulation_of(avatar)
-    kept = {}
-    for n, poses in enumerate(walking[:40]):
-        simulation.step(poses)
-        if n % 5 == 4:
-            change(simulation)
-            rewinding = simulation._cast.rewinding
-            for name in simulation.names:
-                first = rewinding.first(name)
-                at = kept.setdefault((name, simulation.detail), first.x.copy())
-                assert np.array_equal(first.x, at)
-                assert len(first.x) == len(simulation.model(name))
-    simulation.reset(walking[40])
-    change(simulation)
-    for name in simulation.names:
-        first = simulation._cast.rewinding.first(name).x
-        assert not np.array_equal(first, kept[name, simulation.detail])
+    simulation.step(walking[0])
+    garments = [view.garment for view in simulation]
+    at = avatar.colliders, simulation.collider_state, SOLVERS["xpbd"]
+    rest = rest_transforms(garments, avatar.colliders)
+    every, few = (Cast.of(garments, share, *at, rest) for share in (1.0, FEW))
+
+    def take_over(now, before):
+        nothing = list
+        now.take_over(before, simulation.collider_state, walking[0], nothing, nothing)
+
+    return every, few, take_over
+
+
+def test_what_was_put_on_is_not_worn_down_by_changes(casts, walking):
+    """Each change would smooth it: what garments are put back to stays as it was."""
+    every, few, take_over = casts
+    every.rewinding.begin(walking[0])
+    put_on = {name: every.rewinding.first(name) for name in every.worn}
+    take_over(few, every)
+    carried = {name: few.rewinding.first(name) for name in few.worn}
+    for _ in range(3):
+        take_over(every, few)
+        take_over(few, every)
+    for name in put_on:
+        assert len(carried[name].x) == len(few.worn[name].model)
+        assert every.rewinding.first(name) is put_on[name]
+        assert few.rewinding.first(name) is carried[name]
+    every.rewinding.begin(walking[40])  # put on anew
+    take_over(few, every)
+    for name in put_on:
+        assert few.rewinding.first(name).poses is every.rewinding.first(name).poses
+
+
+def test_which_parts_of_the_body_are_neighbours_stays_known(casts, walking):
+    """Else what is pressed together then would count as neighbours, and excuse nothing."""
+    every, few, take_over = casts
+    every.rewinding.begin(walking[0])
+    take_over(few, every)
+    assert few.rewinding._limbs is every.rewinding._limbs
 
 
 def test_cloth_that_was_never_put_on_stays_where_it_moved_to():
@@ -202,16 +229,6 @@ def test_cloth_that_was_never_put_on_stays_where_it_moved_to():
     simulation.detail = FEW
     assert fallen[:, 2].max() < -0.5
     assert np.abs(simulation["sheet"].positions - fallen).max() < 1e-5
-
-
-def test_which_parts_of_the_body_are_neighbours_stays_known(avatar, walking):
-    """Else what is pressed together then would count as neighbours, and excuse nothing."""
-    simulation = simulation_of(avatar)
-    for poses in walking[:20]:
-        simulation.step(poses)
-    known = simulation._cast.rewinding._limbs
-    change(simulation)
-    assert simulation._cast.rewinding._limbs is known
 
 
 def test_a_share_may_be_text_that_is_a_number():
